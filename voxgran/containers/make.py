@@ -22,7 +22,7 @@ class ContainerKind:
     Attributes
     ----------
     name : str
-        The `kind` of its containers.
+        The `kind` of its containers, which is the name of the file or entry point.
     container : type
         Their class, which may be that of another kind.
     make : callable, optional
@@ -39,7 +39,7 @@ class ContainerKind:
     {'radius': True, 'height': True, 'origin': False}
     """
 
-    name: str
+    name: str = ""
     container: type
     make: Callable[[Mapping[str, Any], str], Container] | None = None
     taken: tuple[str, ...] = ()

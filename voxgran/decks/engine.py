@@ -40,7 +40,7 @@ class Engine:
     Attributes
     ----------
     name : str
-        Name in calls and scenes.
+        Name in calls and scenes, which is that of the file or entry point.
     title : str
         Name as its authors write it.
     summary : str
@@ -79,7 +79,7 @@ class Engine:
     'LAMMPS'
     """
 
-    name: str
+    name: str = ""
     title: str
     summary: str
     source: str

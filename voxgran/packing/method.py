@@ -175,7 +175,7 @@ class PackingMethod:
     Attributes
     ----------
     name, summary, source : str
-        Name, one line, and the paper with its DOI.
+        Name, which is that in the table of methods or of the entry point, one line, and the paper with its DOI.
     parameters : type
         Parameter class; it defines TOML keys, flags, help and provenance.
     prepare : callable
@@ -225,7 +225,7 @@ class PackingMethod:
     'random sequential addition of spheres and true shapes: schemes of Chu 2011, or to proven saturation'
     """
 
-    name: str
+    name: str = ""
     summary: str
     source: str
     parameters: type

@@ -31,7 +31,7 @@ class ShapeFamily:
     Attributes
     ----------
     name, summary : str
-        Name, and description in one line.
+        Name, which is that of the file or entry point, and description in one line.
     parameters : type
         Parameter class, from which TOML keys, flags, help and provenance are derived.
     make : callable
@@ -48,7 +48,7 @@ class ShapeFamily:
         Libraries that making a shape loads beside NumPy and SciPy.
     """
 
-    name: str
+    name: str = ""
     summary: str
     parameters: type
     make: Callable[[Any, np.random.Generator], Shape]

@@ -121,9 +121,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(
-    name="clumps", summary="error of clumps against number of spheres and seconds, for all methods", run=run
-)
+registration = TradeOff(summary="error of clumps against number of spheres and seconds, for all methods", run=run)
 
 
 def _draw(rows: list[Row], path: Path) -> None:

@@ -95,6 +95,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         panel.set_ylim(EXACT / 2, 0.2)
 
 
-registration = TradeOff(
-    name="shapes", summary="families of shapes: milliseconds against the error of the surface", run=run
-)
+registration = TradeOff(summary="families of shapes: milliseconds against the error of the surface", run=run)

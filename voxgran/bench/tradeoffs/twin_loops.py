@@ -161,4 +161,4 @@ def specimen_and_scan(case: str) -> tuple[Packing, Packing]:
     return specimen, packing_of_labels(np.asarray(labels), voxel_size=VOXEL, gravity="none")
 
 
-registration = TradeOff(name="twin_loops", summary="specimens, their images and the twins of these", run=run)
+registration = TradeOff(summary="specimens, their images and the twins of these", run=run)

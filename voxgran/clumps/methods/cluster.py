@@ -116,7 +116,6 @@ def fit(body: Body, count: int, settings: Cluster, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="cluster",
     summary="equal spheres at the points of a lattice, or groups of them merged to larger ones",
     source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
     "Analysis of Discontinuous Materials; Lu & McDowell 2007; Wang et al. 2007 (merged spheres)",

@@ -88,7 +88,6 @@ def fit(body: Body, count: int, settings: Dynamic, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="dynamic",
     summary="random spheres moved and scaled by virtual forces toward the surface",
     source="Matsushima & Saomoto 2003",
     parameters=Dynamic,

@@ -83,7 +83,6 @@ def fit(body: Body, count: int, settings: FourPoint, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="four_point",
     summary="spheres through four random points of the surface, moved and scaled to fit inside",
     source="Price, Murariu & Morrison 2007, Sphere clump generation and trajectory comparison for real particles",
     parameters=FourPoint,

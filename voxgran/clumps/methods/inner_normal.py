@@ -97,7 +97,6 @@ def fit(body: Body, count: int, settings: InnerNormal, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="inner_normal",
     summary="spheres that touch the surface and grow along its inner normals",
     source="Ferellec & McDowell 2010, doi:10.1007/s10035-010-0205-8",
     parameters=InnerNormal,

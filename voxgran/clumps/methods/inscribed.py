@@ -85,7 +85,6 @@ def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="inscribed",
     summary="inscribed spheres chosen greedily by the volume they cover, from the distance transform",
     source="Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971",
     parameters=Inscribed,

@@ -117,7 +117,6 @@ def fit(body: Body, count: int, settings: Optimal, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="optimal",
     summary="medial spheres, refined against the surface: the least difference in volume",
     source="Cohen-Steiner, Alliez & Desbrun 2004, doi:10.1145/1186562.1015817 (partition); Ma, Bae & Choi 2012, "
     "doi:10.1007/s00371-011-0594-7 (medial spheres)",

@@ -249,4 +249,4 @@ class Box(ExplainedAttributes, Block):
         return (vertices + 0.5) @ self.vectors + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="box", container=Box)
+registration = ContainerKind(container=Box)

@@ -103,4 +103,4 @@ class Cylinder(Parametric):
         return vertices + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="cylinder", container=Cylinder)
+registration = ContainerKind(container=Cylinder)

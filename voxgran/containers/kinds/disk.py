@@ -99,4 +99,4 @@ class Disk(Parametric):
         return Outline("disk", self.radius, center=self.origin).tessellation()[:2]
 
 
-registration = ContainerKind(name="disk", container=Disk)
+registration = ContainerKind(container=Disk)

@@ -60,4 +60,4 @@ class Drum(Equipment):
         return revolved_space(ends, self.origin, "xy".index(self.axis))
 
 
-registration = ContainerKind(name="drum", container=Drum)
+registration = ContainerKind(container=Drum)

@@ -59,4 +59,4 @@ class Funnel(Equipment):
         return revolved_space([(0.0, self.outlet), (self.height, self.radius)], self.origin)
 
 
-registration = ContainerKind(name="funnel", container=Funnel)
+registration = ContainerKind(container=Funnel)

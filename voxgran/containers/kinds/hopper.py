@@ -93,4 +93,4 @@ class Hopper(Equipment):
         return space_within(planes, "hopper")
 
 
-registration = ContainerKind(name="hopper", container=Hopper)
+registration = ContainerKind(container=Hopper)

@@ -260,6 +260,4 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))
 
 
-registration = ContainerKind(
-    name="mesh", container=ClosedMesh, taken=("file", "vertices", "faces", "name", "offset"), make=_make
-)
+registration = ContainerKind(container=ClosedMesh, taken=("file", "vertices", "faces", "name", "offset"), make=_make)

@@ -67,4 +67,4 @@ class Planes(Equipment):
         return space_within(walls, "planes")
 
 
-registration = ContainerKind(name="planes", container=Planes)
+registration = ContainerKind(container=Planes)

@@ -264,8 +264,5 @@ def _make(rest: Mapping[str, Any], where: str) -> Polygon:
 
 
 registration = ContainerKind(
-    name="polygon",
-    container=Polygon,
-    taken=("file", "pixel_size", "level", "min_area", "origin", "corners", "holes"),
-    make=_make,
+    container=Polygon, taken=("file", "pixel_size", "level", "min_area", "origin", "corners", "holes"), make=_make
 )

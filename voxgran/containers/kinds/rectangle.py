@@ -94,4 +94,4 @@ class Rectangle(ExplainedAttributes, Block):
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 
-registration = ContainerKind(name="rectangle", container=Rectangle)
+registration = ContainerKind(container=Rectangle)

@@ -99,4 +99,4 @@ class Sphere(Parametric):
         return vertices * self.radius + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="sphere", container=Sphere)
+registration = ContainerKind(container=Sphere)

@@ -140,6 +140,4 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     return Vessel(rest["file"], **{key: value for key, value in rest.items() if key != "file"})
 
 
-registration = ContainerKind(
-    name="vessel", container=ClosedMesh, taken=("file", "lid", "floor", "point", "gravity"), make=_make
-)
+registration = ContainerKind(container=ClosedMesh, taken=("file", "lid", "floor", "point", "gravity"), make=_make)

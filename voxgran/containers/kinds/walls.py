@@ -167,4 +167,4 @@ def _wall_of(wall: Mapping[str, Any]) -> Round:
     return made._replace(axis=direction(wall["axis"], "axis"))
 
 
-registration = ContainerKind(name="walls", container=Walls)
+registration = ContainerKind(container=Walls)

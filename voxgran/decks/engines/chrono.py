@@ -231,7 +231,6 @@ def _template(path: Path) -> Floats:
 
 
 registration = Engine(
-    name="chrono",
     title=TITLE,
     summary="tables of spheres, table of grains, force model, and a driver in Python that runs until rest on a GPU",
     source="https://github.com/projectchrono/DEM-Engine, release 3.0.19",

@@ -228,7 +228,6 @@ def _clusters(path: Path, densities: Mapping[int, float], clusters: Mapping[int,
 
 
 registration = Engine(
-    name="kratos",
     title=TITLE,
     summary="spheres, clusters, walls of triangles, materials and a script of the DEMApplication",
     source="github.com/KratosMultiphysics/Kratos, applications/DEMApplication",

@@ -364,7 +364,6 @@ def _section(lines: list[str], name: str) -> Floats:
 
 
 registration = Engine(
-    name="lammps",
     title=TITLE,
     summary="data file, rigid bodies, molecule templates and a script of granular contact",
     source="docs.lammps.org, release of 22 July 2025",

@@ -375,7 +375,6 @@ def _held_clump(folder: Path, words: tuple[str, ...]) -> tuple[float, Floats, Fl
 
 
 registration = Engine(
-    name="liggghts",
     title=TITLE,
     summary="data file of spheres, multisphere templates with the place of each clump, and a script",
     upright="which finds no contacts across tilted sides",

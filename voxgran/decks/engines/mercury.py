@@ -313,7 +313,6 @@ def _template(folder: Path, name: str) -> dict[str, Floats]:
 
 
 registration = Engine(
-    name="mercury",
     title=TITLE,
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
     source="MercuryDPM, Drivers/Clump and tools/MClump",

@@ -300,7 +300,6 @@ def _walls(simulation: Simulation) -> list[str]:
 
 
 registration = Engine(
-    name="pfc",
     title=TITLE,
     summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
     upright="whose domain lies along the axes",

@@ -388,7 +388,6 @@ def _read(folder: Path) -> Held:
 
 
 registration = Engine(
-    name="yade",
     title=TITLE,
     summary="Python script, with tables of grains, spheres, distances, corners and walls",
     source="YADE 2023.02a, reference of classes and source",

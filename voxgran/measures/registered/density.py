@@ -192,7 +192,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="density",
     summary="solid fraction and porosity of the whole packing and of the bulk",
     groups=("/",),
     compute=_compute,

@@ -189,7 +189,6 @@ def _roses(roses: list[Rose], dimension: int) -> dict[str, Any]:
 
 
 registration = Measure(
-    name="fabric",
     summary="fabric tensors, anisotropy and roses of contact normals, branch vectors and long axes",
     groups=("/", "/fabric"),
     compute=_compute,

@@ -277,7 +277,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="homogeneity",
     summary="deviation of the solid fraction over windows of growing size, and the representative volume",
     groups=("/", "/profiles"),
     compute=_compute,

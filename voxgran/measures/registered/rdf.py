@@ -232,7 +232,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="rdf",
     summary="radial distribution function and structure factor of the centroids, with standard errors",
     groups=("/", "/profiles"),
     compute=_compute,

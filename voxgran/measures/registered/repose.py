@@ -125,7 +125,6 @@ def _applies(packing: Packing) -> bool:
 
 
 registration = Measure(
-    name="repose",
     summary="angle of repose: the slope of the flank of a heap, with its standard error",
     groups=("/",),
     compute=_compute,

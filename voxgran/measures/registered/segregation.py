@@ -191,7 +191,6 @@ def _layer_dataset(layers: Layers, unit: str) -> "Dataset":
 
 
 registration = Measure(
-    name="segregation",
     summary="rank correlation of diameter (and density) and height, size classes, and the gradation of layers",
     groups=("/", "/size_classes", "/layers"),
     compute=_compute,

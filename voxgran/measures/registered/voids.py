@@ -192,7 +192,6 @@ def _histogram(sizes: Floats, voxel_size: float) -> tuple[Floats, Floats]:
 
 
 registration = Measure(
-    name="voids",
     summary="pore space: pore sizes, chord lengths, percolating porosity; specific surface",
     groups=("/", "/voids"),
     compute=_compute,

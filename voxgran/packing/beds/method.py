@@ -299,7 +299,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="gravity",
     summary="grains grow from random seeds in a column and settle until they rest",
     source="contact dynamics: Moreau 1988, doi:10.1007/978-3-7091-2624-0_1",
     parameters=Gravity,

@@ -196,7 +196,6 @@ def _rules(problem: Problem, state: ControlState) -> WalkRules:
 
 
 registration = PackingMethod(
-    name="control_point",
     summary="grains as control points on their surfaces, moved and rotated by small random steps under gravity",
     source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
     "Analysis of Discontinuous Materials, section 5-2",

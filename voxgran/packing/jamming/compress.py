@@ -130,7 +130,6 @@ def finish(problem: Problem, state: CompressState) -> Packing:
 
 registration = followed(
     PackingMethod(
-        name="compress",
         summary="grains at random are compressed to a mean stress, and balance it",
         source="Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302",
         parameters=Compress,

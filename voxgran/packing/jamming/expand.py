@@ -67,7 +67,6 @@ def finish(problem: Problem, state: CompressState, gravity: Down | None = None) 
 
 
 registration = PackingMethod(
-    name="expand",
     summary="grains at random points grow, and push each other apart, to any solid fraction up to jamming",
     source="Lubachevsky & Stillinger 1990, doi:10.1007/BF01025983; O'Hern et al. 2003, doi:10.1103/PhysRevE.68.011306",
     parameters=Expand,

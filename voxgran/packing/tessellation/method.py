@@ -303,7 +303,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="tetrahedral",
     summary="spheres in the cells of a tetrahedral mesh, at its nodes, edges and faces, and in all holes that remain",
     source="Cui & O'Sullivan 2003, Granular Matter 5, 135; Jerier et al. 2009, doi:10.1007/s10035-008-0116-0",
     parameters=Tetrahedral,

@@ -366,7 +366,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="voronoi_fill",
     summary="cells whose volumes follow the sizes, each filled by a shape or a grain itself, to any solid fraction",
     source="Mollon & Zhao 2012, doi:10.1007/s10035-012-0356-x; Bourne et al. 2020, doi:10.1080/14786435.2020.1790053",
     parameters=VoronoiFill,

@@ -67,4 +67,4 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
     return sized(Outline("polygon", vertices=ring), parameters.diameter, name="polygon")
 
 
-registration = ShapeFamily(name="polygon", summary="simple polygon, in 2D", parameters=Polygon, make=make, dimension=2)
+registration = ShapeFamily(summary="simple polygon, in 2D", parameters=Polygon, make=make, dimension=2)

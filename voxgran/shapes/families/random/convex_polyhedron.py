@@ -47,9 +47,5 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="convex_polyhedron",
-    summary="convex hull of random points on a sphere",
-    parameters=ConvexPolyhedron,
-    make=make,
-    random=True,
+    summary="convex hull of random points on a sphere", parameters=ConvexPolyhedron, make=make, random=True
 )

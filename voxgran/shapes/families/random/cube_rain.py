@@ -132,7 +132,6 @@ def _interval(away: Floats, direction: Floats, edges: Floats, turns: Floats, ove
 
 
 registration = ShapeFamily(
-    name="cube_rain",
     summary="union of cubes of random size and orientation that fall on each other and stick",
     parameters=CubeRain,
     make=make,

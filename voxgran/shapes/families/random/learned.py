@@ -72,9 +72,5 @@ def _loaded(path: str, changed: int, size: int) -> ShapeModel:
 
 
 registration = ShapeFamily(
-    name="learned",
-    summary="grain of a distribution that was learned from a sample",
-    parameters=Learned,
-    make=make,
-    random=True,
+    summary="grain of a distribution that was learned from a sample", parameters=Learned, make=make, random=True
 )

@@ -85,7 +85,6 @@ def variances_of(deviation: float, correlation_angle: float) -> Floats:
 
 
 registration = ShapeFamily(
-    name="noise_star",
     summary="star-shaped grain whose radius is a log-normal random field",
     parameters=NoiseStar,
     make=make,

@@ -104,7 +104,6 @@ def _corners(parameters: Polyhedron, generator: np.random.Generator) -> Floats:
 
 
 registration = ShapeFamily(
-    name="polyhedron",
     summary="hull of random points, Platonic or Archimedean solid; sharp or rounded by a sphere",
     parameters=Polyhedron,
     make=make,

@@ -233,7 +233,6 @@ def _grow(cluster, draws, chance, rate, log_aspect, adjusted):  # type: ignore[n
 
 
 registration = ShapeFamily(
-    name="random_growth",
     summary="cluster of equal cubes that grows from one at random free places beside it",
     parameters=RandomGrowth,
     make=make,

@@ -205,7 +205,6 @@ def _check_levels(parameters: SierpinskiSponge) -> None:
 
 
 registration = ShapeFamily(
-    name="sierpinski_sponge",
     summary="sponge of cubes, Menger's or with cells removed at random on several levels",
     parameters=SierpinskiSponge,
     make=make,

@@ -255,7 +255,6 @@ def _ends(value: N | tuple[N, N]) -> tuple[N, N]:
 
 
 registration = ShapeFamily(
-    name="solid_union",
     summary="union of random boxes, cylinders, cones, ellipsoids and spheres",
     parameters=SolidUnion,
     make=make,

@@ -174,7 +174,6 @@ def _points(base: Shape, spacing: float, arrangement: str, generator: np.random.
 
 
 registration = ShapeFamily(
-    name="sphere_assembly",
     summary="spheres at the voxels or mesh nodes of a volume, connected",
     parameters=SphereAssembly,
     make=make,

@@ -156,7 +156,6 @@ def _given(like: str | Shape | Mapping[str, Any]) -> Shape:
 
 
 registration = ShapeFamily(
-    name="spherical_harmonics",
     summary="star-shaped grain of a given spectrum, of a power law or that of a scan",
     parameters=SphericalHarmonics,
     make=make,

@@ -122,7 +122,6 @@ def _ends(value: float | tuple[float, float]) -> tuple[float, float]:
 
 
 registration = ShapeFamily(
-    name="superspherize",
     summary="volume inflated toward random spheres",
     parameters=Superspherize,
     make=make,

@@ -106,7 +106,6 @@ def _seeds(parameters: VoronoiFragment, generator: np.random.Generator) -> Float
 
 
 registration = ShapeFamily(
-    name="voronoi_fragment",
     summary="fragment of crushed rock: cell of the Voronoi tessellation of random seeds",
     parameters=VoronoiFragment,
     make=make,

@@ -168,7 +168,6 @@ def _fall(column, level, heights, row, rule, ties):  # type: ignore[no-untyped-d
 
 
 registration = ShapeFamily(
-    name="voxel_rain",
     summary="equal cubes that fall at random on a plate and on each other, and stick",
     parameters=VoxelRain,
     make=make,

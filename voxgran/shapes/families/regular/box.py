@@ -38,4 +38,4 @@ def make(parameters: Box, generator: np.random.Generator) -> Shape:
     return regular_solid("box", parameters, given=(("lengths", lengths),), lengths=lengths, ratios=ratios)
 
 
-registration = ShapeFamily(name="box", summary="cuboid with edges along x, y and z", parameters=Box, make=make)
+registration = ShapeFamily(summary="cuboid with edges along x, y and z", parameters=Box, make=make)

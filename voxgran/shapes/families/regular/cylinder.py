@@ -52,4 +52,4 @@ def round_solid(kind: Literal["cylinder", "cone"], parameters: Cylinder) -> Shap
     return regular_solid(kind, parameters, given=given, lengths=lengths, ratios=(0.5, ratio))
 
 
-registration = ShapeFamily(name="cylinder", summary="circular cylinder", parameters=Cylinder, make=make)
+registration = ShapeFamily(summary="circular cylinder", parameters=Cylinder, make=make)

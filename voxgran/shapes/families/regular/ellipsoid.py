@@ -38,4 +38,4 @@ def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:
     return regular_solid("ellipsoid", parameters, given=(("semi_axes", axes),), lengths=axes, ratios=ratios)
 
 
-registration = ShapeFamily(name="ellipsoid", summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)
+registration = ShapeFamily(summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)

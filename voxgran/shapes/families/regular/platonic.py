@@ -41,8 +41,5 @@ def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="platonic",
-    summary="tetrahedron, cube, octahedron, dodecahedron or icosahedron",
-    parameters=Platonic,
-    make=make,
+    summary="tetrahedron, cube, octahedron, dodecahedron or icosahedron", parameters=Platonic, make=make
 )

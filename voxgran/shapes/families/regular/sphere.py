@@ -36,4 +36,4 @@ def make(parameters: Sphere, generator: np.random.Generator) -> Shape:
     return Shape.of(Primitive("sphere", (radius,)), name="sphere")
 
 
-registration = ShapeFamily(name="sphere", summary="sphere", parameters=Sphere, make=make)
+registration = ShapeFamily(summary="sphere", parameters=Sphere, make=make)

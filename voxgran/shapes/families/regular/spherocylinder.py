@@ -92,6 +92,4 @@ def _mesh(radius: float, height: float, tolerance: float) -> Mesh:
     return Mesh(vertices, faces)
 
 
-registration = ShapeFamily(
-    name="spherocylinder", summary="cylinder with hemispherical ends", parameters=Spherocylinder, make=make
-)
+registration = ShapeFamily(summary="cylinder with hemispherical ends", parameters=Spherocylinder, make=make)

@@ -175,7 +175,6 @@ def folded(sheet: Folded, point: Floats, direction: Floats) -> Folded | None:
 
 
 registration = ShapeFamily(
-    name="crumpled",
     summary="open surface: a sheet folded along random straight lines without stretching",
     parameters=Crumpled,
     make=make,

@@ -74,7 +74,6 @@ def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="random_surface",
     summary="open surface: a sheet whose height is a sum of random waves",
     parameters=RandomSurface,
     make=make,

@@ -97,7 +97,6 @@ def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="rough_sheet",
     summary="open surface: a rectangle whose height is a random field",
     parameters=RoughSheet,
     make=make,

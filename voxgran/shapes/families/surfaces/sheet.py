@@ -80,9 +80,5 @@ def lattice_faces(columns: int, rows: int) -> Integers:
 
 
 registration = ShapeFamily(
-    name="sheet",
-    summary="open surface: a rectangle without thickness, flat or rolled",
-    parameters=Sheet,
-    make=make,
-    is_open=True,
+    summary="open surface: a rectangle without thickness, flat or rolled", parameters=Sheet, make=make, is_open=True
 )

@@ -65,9 +65,5 @@ def make(parameters: Shell, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="shell",
-    summary="open surface: a part of a sphere without thickness",
-    parameters=Shell,
-    make=make,
-    is_open=True,
+    summary="open surface: a part of a sphere without thickness", parameters=Shell, make=make, is_open=True
 )
