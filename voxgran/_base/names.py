@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from functools import cache
 
 from voxgran._base.errors import shortened, shown
@@ -43,6 +43,17 @@ write_vtk: save
 """
 #: words that say nothing of what a name is of
 LITTLE_WORDS = frozenset({"from", "get", "is", "load", "make", "of", "save", "set", "to", "with", "write"})
+
+
+def check_known(kind: str, name: object, known: Collection[str]) -> None:
+    """Refuse a name that is not among the known ones.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is not, or no text; the message gives the nearest name.
+    """
+    check_known(kind, name, known)
 
 
 def unknown(

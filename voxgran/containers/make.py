@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, shown
-from voxgran._base.names import nearest, unknown
+from voxgran._base.errors import InputError, MissingLibraryError, shown
+from voxgran._base.names import check_known, nearest
 from voxgran._base.registry import Registry
 from voxgran.containers.model import Container
 
@@ -133,12 +133,10 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
             f"{where} kind {kind!r} is of the package {package!r}, which is not installed: install it, such as with "
             f"'pip install {package}'"
         )
-    if not isinstance(kind, str) or kind not in names:
-        raise UnknownNameError(unknown(f"{where} kind", kind, names))
+    check_known(f"{where} kind", kind, names)
     entry = registry.get(kind)
     for key in rest:
-        if key not in entry.keys:
-            raise UnknownNameError(unknown(f"{where} key", key, entry.keys))
+        check_known(f"{where} key", key, entry.keys)
     for key, required in entry.keys.items():
         if required and key not in rest:
             raise InputError(f"{where} {key} is missing: kind {kind!r} needs it; add it")

@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 from voxgran._base.arrays import check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, shown
+from voxgran._base.names import check_known
 from voxgran.containers.gravity import proposed_axis
 from voxgran.containers.model import Container
 from voxgran.packing.compress import compress
@@ -103,6 +103,5 @@ def measure_section(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
     names = tuple(str(name) for name in mapping["which"])
     known = (ALL, *measure_registry().names())
     for name in names:
-        if name not in known:
-            raise UnknownNameError(unknown("[measure] which", name, known))
+        check_known("[measure] which", name, known)
     return names

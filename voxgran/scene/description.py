@@ -11,7 +11,7 @@ from voxgran._base.arrays import as_count, as_share, check_type
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.files import existing_file
-from voxgran._base.names import unknown
+from voxgran._base.names import check_known
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
@@ -382,8 +382,7 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
     mistakes = Mistakes()
     for name in mapping:
         with mistakes.part():
-            if name not in SECTIONS:
-                raise UnknownNameError(unknown("section", name, SECTIONS))
+            check_known("section", name, SECTIONS)
             if name not in ("shape", "layer", "obstacle") and not (
                 name == "material" and isinstance(mapping[name], list) and mapping[name]
             ):

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import unknown
+from voxgran._base.names import check_known
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
 from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes
@@ -149,8 +149,7 @@ def _blocks(dataset: "Dataset", over: str, values: Floats) -> tuple[list[str], l
         If there is no such axis.
     """
     axes = axes_of(dataset)
-    if over not in axes:
-        raise UnknownNameError(unknown("axis", over, axes))
+    check_known("axis", over, axes)
     dimension = axes[over]
     # axes that vary together are one; listed cells have axes of their own, and a name for each cell
     if dimension == LISTED and over != LISTED:

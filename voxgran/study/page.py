@@ -11,10 +11,9 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
-from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import as_path, write_files
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import unknown
+from voxgran._base.names import check_known
 from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure
@@ -132,8 +131,7 @@ def write_study_page(
     as_choice(interval, "interval", get_args(Interval))
     known = numbers_of(dataset)
     for name in variables or ():
-        if name not in known:
-            raise UnknownNameError(unknown("variable", name, known))
+        check_known("variable", name, known)
     axis = over or compared_axis(dataset)
     chosen = list(variables) if variables is not None else _chosen(dataset)
     compared = [name for name in chosen if name not in MACHINE]

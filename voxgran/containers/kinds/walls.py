@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as_vector
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.names import check_known, unknown
 from voxgran.containers.equipment import Equipment, multiplied
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.space import Space, space_within
@@ -136,8 +136,7 @@ def _checked(wall: Any, where: str) -> dict[str, Any]:
     if not isinstance(wall, Mapping):
         raise InputError(f"{where} is {shown(wall)}: it must be a mapping with the key kind; give one")
     kind = wall.get("kind")
-    if not isinstance(kind, str) or kind not in KEYS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, list(KEYS)))
+    check_known(f"{where} kind", kind, KEYS)
     for key in wall:
         if key not in ("kind", "point", *KEYS[kind]):
             raise UnknownNameError(unknown(f"{where} key", key, ["point", *KEYS[kind]]))
