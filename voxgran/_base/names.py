@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Iterable
 from functools import cache
 
-from voxgran._base.errors import shortened, shown
+from voxgran._base.errors import UnknownNameError, shortened, shown
 
 #: words that people type for a name of ours, as other programs have it, each with what is suggested: the first that is
 #: known
@@ -53,7 +53,8 @@ def check_known(kind: str, name: object, known: Collection[str]) -> None:
     UnknownNameError
         If it is not, or no text; the message gives the nearest name.
     """
-    check_known(kind, name, known)
+    if not isinstance(name, str) or name not in known:
+        raise UnknownNameError(unknown(kind, name, known))
 
 
 def unknown(

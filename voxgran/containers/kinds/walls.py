@@ -135,7 +135,7 @@ def _checked(wall: Any, where: str) -> dict[str, Any]:
     """Return the mapping of a wall with plain numbers, all keys given."""
     if not isinstance(wall, Mapping):
         raise InputError(f"{where} is {shown(wall)}: it must be a mapping with the key kind; give one")
-    kind = wall.get("kind")
+    kind: Any = wall.get("kind")
     check_known(f"{where} kind", kind, KEYS)
     for key in wall:
         if key not in ("kind", "point", *KEYS[kind]):

@@ -33,8 +33,6 @@ COLUMNS = (
 )
 #: first line of the table of a template
 CLUMP_HEADER = "x,y,z,r"
-#: room between the walls and the bounds of the domain, in median diameters
-MARGIN = 2.0
 #: Young's modulus in Pa where the linear law is asked for; the engine wants one, the force model does not use it
 UNUSED = 1e7
 #: a number in a table
@@ -178,8 +176,7 @@ def _driver(simulation: Simulation) -> str:
 def _walls(simulation: Simulation) -> list[str]:
     """Return the lines that add the walls and the bounds of the domain."""
     walls = simulation.walls
-    room = MARGIN * simulation.diameter + 2 * float(simulation.bodies.assembly.bounding_radii.max())
-    ends = np.stack([walls.bounds[0] - room, walls.bounds[1] + room], axis=1).tolist()
+    ends = simulation.domain(float(simulation.bodies.assembly.bounding_radii.max())).T.tolist()
     lines = [f"solver.InstructBoxDomainDimension({', '.join(str(tuple(pair)) for pair in ends)})"]
     lines.append('solver.InstructBoxDomainBoundingBC("none", material)')
     for plane in walls.planes:

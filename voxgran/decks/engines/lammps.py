@@ -38,8 +38,6 @@ from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 SPHERE, CLUMP = 1, 2
 #: most materials: each is a group, of which LAMMPS has 32
 MOST_MATERIALS = 28
-#: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
-MARGIN = 2.0
 #: overlap from which grains are parted under drag at the start, in median diameters; how long; and the time in which
 #: drag stops a grain, in sqrt(d / g)
 DEEPEST, UNLOADING, DRAG_TIME = 5e-3, 1.0, 0.01
@@ -91,8 +89,7 @@ def _data(simulation: Simulation) -> str:
     density = bodies.mass[grain] / np.bincount(grain, volume, minlength=bodies.count)[grain]
     clump = np.isin(grain, bodies.of_kind("clump"))
     places, images = simulation.walls.wrapped(centers)
-    room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
-    low, high = walls.bounds[0] - room, walls.bounds[1] + room
+    low, high = simulation.domain(radii.max())
     laws, bonds = simulation.laws, _bond_texts(simulation)
     counts = [f"{len(radii)} atoms", f"{2 * laws.count} atom types"]
     if bonds is not None:

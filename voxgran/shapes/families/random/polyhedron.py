@@ -18,7 +18,7 @@ from voxgran._base.arrays import Floats, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.hulls import MOST_POINTS, points_on_sphere
 from voxgran.shapes.generating.regular_solids import ArchimedeanSolid, PlatonicSolid, corners_of
 from voxgran.shapes.generating.sphere_swept import sphere_swept, steiner_volume
@@ -29,7 +29,7 @@ Solid: TypeAlias = Literal["random", PlatonicSolid, ArchimedeanSolid]
 
 
 @parameter_class
-class Polyhedron:
+class Polyhedron(Sized):
     """Parameters of a polyhedron.
 
     Parameters
@@ -47,8 +47,6 @@ class Polyhedron:
         polyhedron; 0: sharp edges.
     tolerance
         largest distance of the mesh from the true rounded surface, in equivalent diameters.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -68,7 +66,6 @@ class Polyhedron:
     mirror: bool = parameter(False)
     rounding: float = parameter(0.0, at_least=0.0, at_most=10.0)
     tolerance: float = parameter(0.002, at_least=1e-4, at_most=0.1)
-    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the values."""

@@ -24,7 +24,7 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.boolean import united
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.facets import faceted
 from voxgran.shapes.generating.star import is_star_shaped
 from voxgran.shapes.mesh import Mesh
@@ -54,7 +54,7 @@ DRAWN: dict[Kind, tuple[str, ...]] = {
 
 
 @parameter_class
-class SolidUnion:
+class SolidUnion(Sized):
     """Parameters of a union of base solids.
 
     Parameters
@@ -79,8 +79,6 @@ class SolidUnion:
         diameter of spheres, a number or a range; default: lengths.
     chord_error
         volume between round base solids and their flat facets, relative to their volume.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -108,7 +106,6 @@ class SolidUnion:
     )
     sphere: float | tuple[float, float] | None = parameter(None)
     chord_error: float = parameter(2e-3, at_least=1e-5, at_most=COARSEST)
-    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

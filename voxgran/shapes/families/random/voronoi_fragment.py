@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.family import ShapeFamily, Sized, refuse_both, sized
 from voxgran.shapes.generating.voronoi import voronoi_cell
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -26,7 +26,7 @@ MOST_SEEDS = 100_000
 
 
 @parameter_class
-class VoronoiFragment:
+class VoronoiFragment(Sized):
     """Parameters of a Voronoi fragment.
 
     Parameters
@@ -43,8 +43,6 @@ class VoronoiFragment:
         factors by which the cells are stretched along x, y and z; default: (1, 1, 1).
     cell
         which cell, from 0; default: a random one.
-    diameter
-        equivalent diameter; default: 1.
     lengths
         edge lengths of the box, in which the fragment keeps its size; replace diameter and aspect.
 
@@ -66,7 +64,6 @@ class VoronoiFragment:
     boundary: Literal["periodic", "reflected"] = parameter("periodic")
     aspect: tuple[float, float, float] | None = parameter(None, above=0.0)
     cell: int | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length", above=0.0)
     lengths: tuple[float, float, float] | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:

@@ -3,20 +3,18 @@
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, regular_solid
+from voxgran.shapes.family import ShapeFamily, Sized, regular_solid
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Ellipsoid:
+class Ellipsoid(Sized):
     """Parameters of an ellipsoid.
 
     Parameters
     ----------
     aspect
         ratios of the axes; default: (1, 0.8, 0.6).
-    diameter
-        equivalent diameter; default: 1.
     semi_axes
         lengths of the semi-axes; replace aspect and diameter.
 
@@ -28,7 +26,6 @@ class Ellipsoid:
     """
 
     aspect: tuple[float, float, float] | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     semi_axes: tuple[float, float, float] | None = parameter(None, unit="length")
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface
 
@@ -14,7 +14,7 @@ SIDES, RING = 36, 10.0
 
 
 @parameter_class
-class Shell:
+class Shell(Sized):
     """Parameters of a shell.
 
     Parameters
@@ -37,7 +37,6 @@ class Shell:
     """
 
     opening: float = parameter(180.0)
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check that the shell is an open surface."""
