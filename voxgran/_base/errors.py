@@ -2,8 +2,12 @@
 
 Each subclasses the standard error that people catch, and each message is one sentence that names the
 value, the rule and the remedy. `exit_code` is what the command line returns: 2 for bad input, 1 for failure.
+
+Warnings that point at the line of the user, and those about former names, which are accepted for one release.
 """
 
+import sys
+import warnings
 from collections.abc import Collection
 from itertools import islice
 from typing import ClassVar
@@ -164,3 +168,16 @@ class PackingWarning(UserWarning):
 
 class LongRunWarning(PackingWarning):
     """A run that is expected to take long, told before it starts."""
+
+
+def warn(text: str, category: type[Warning]) -> None:
+    """Issue a warning of one sentence that points at the first caller outside of voxgran, and of properties kept."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("voxgran", "functools"):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=level)
+
+
+def warn_former(text: str) -> None:
+    """Issue a DeprecationWarning of one sentence, as :func:`warn`."""
+    warn(text, DeprecationWarning)

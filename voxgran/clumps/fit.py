@@ -8,9 +8,8 @@ import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, shown, warn
 from voxgran._base.registry import Parameters
-from voxgran._base.warning import warn
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import ClumpMethod, Fitted, clump_methods, clump_registry

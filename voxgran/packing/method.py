@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown
+from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown, warn
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
-from voxgran._base.warning import warn
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, refuse_tilt
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem

@@ -13,8 +13,7 @@ from voxgran.packing.compress import compress
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.keys import Measured, Settled, names_of, refuse_unknown
-from voxgran.settling.compression_parameters import Compression
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 
 
 def settle_section(

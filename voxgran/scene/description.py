@@ -47,10 +47,9 @@ from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknow
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.twins.section import TwinEntry, twin_scene
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 SECTIONS = (

@@ -20,10 +20,9 @@ from voxgran.packing.pack import prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.entries import REMEDIES, ShapeEntry
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_text
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
 from voxgran.shapes.formats.mesh_files import read_surface

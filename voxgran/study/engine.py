@@ -10,13 +10,12 @@ from typing import Any
 
 from voxgran._base.arrays import as_count
 from voxgran._base.cluster import address_of
-from voxgran._base.errors import InputError, Interrupted, LongRunWarning, PackingWarning, shown
+from voxgran._base.errors import InputError, Interrupted, LongRunWarning, PackingWarning, shown, warn
 from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
-from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked, seconds_before

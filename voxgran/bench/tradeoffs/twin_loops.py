@@ -26,8 +26,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.transform.from_labels import packing_of_labels
 from voxgran.scene.twins.compared import STEP
-from voxgran.scene.twins.request import drawn
-from voxgran.scene.twins.twin import Twin, twin
+from voxgran.scene.twins.twin import Twin, drawn, twin
 from voxgran.shapes.family import make_shape, make_shapes
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.simplify import simplify

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_number
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.containers.model import periods_of
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_sums import PairSums, pair_sums

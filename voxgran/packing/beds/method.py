@@ -19,9 +19,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class, to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest

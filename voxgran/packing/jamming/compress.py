@@ -26,7 +26,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import followed
 from voxgran.packing.start import Start
-from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.parameters import Compression
 
 #: solid fraction in which grains begin, by dimension
 LOOSE = {2: 0.5, 3: 0.3}

@@ -20,8 +20,7 @@ from voxgran.scene.entries import given_values, material_section
 from voxgran.scene.keys import Twinned, names_of, refuse_unknown
 from voxgran.scene.sections import Output
 from voxgran.scene.twins.page import written
-from voxgran.scene.twins.request import TwinRequest
-from voxgran.scene.twins.twin import twin_of
+from voxgran.scene.twins.twin import TwinRequest, twin_of
 from voxgran.shapes.learning.model import ShapeModel
 
 #: sections of which a twin has its own, or that are for other grains

@@ -15,11 +15,10 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.files import as_path
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step, reported, silent
-from voxgran._base.warning import warn
 from voxgran.lattice.block_surfaces import block_surfaces
 from voxgran.lattice.blocks import Shelf, lazy_of
 from voxgran.lattice.census import Census, census
