@@ -10,7 +10,7 @@ from site_tables import code, table
 import voxgran
 from voxgran._base.config import parameters_of
 from voxgran.clumps.method import clump_registry
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.method import method_registry

@@ -21,7 +21,7 @@ from voxgran.containers.kinds.rectangle import Rectangle as Rectangle
 from voxgran.containers.kinds.sphere import Sphere as Sphere
 from voxgran.containers.kinds.vessel import Vessel as Vessel
 from voxgran.containers.kinds.walls import Walls as Walls
-from voxgran.containers.make import make_container as make_container
+from voxgran.containers.model import make_container as make_container
 from voxgran.containers.rough_walls import rough_walls as rough_walls
 from voxgran.decks.engine import engines as engines
 from voxgran.decks.relax import relax as relax

@@ -23,8 +23,7 @@ from typing import Any, TypeVar, dataclass_transform
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths, check_type
 from voxgran._base.calls import explained_methods, removal_of
-from voxgran._base.errors import InputError, UnknownNameError, shown, warn_former
-from voxgran._base.names import check_known, unknown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown, warn_former
 from voxgran._base.scalars import float_of, nested, number_of, unwrapped, whole_number_of
 
 T = TypeVar("T")

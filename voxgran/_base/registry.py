@@ -16,8 +16,7 @@ from functools import cache, lru_cache
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, shown, unknown
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from voxgran._base.config import Parameter, kinds_of, parameters_of
 from voxgran._base.lazy import load
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
 from voxgran.scene.keys import AnyShape, Listed, Packed, Settled, ShapeOfFamily, ShapeOfFile, Twinned

@@ -14,9 +14,8 @@ from typing import Any
 
 import voxgran
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.errors import InputError, UnknownNameError, shown, unknown
 from voxgran._base.files import write_text, written_whole
-from voxgran._base.names import unknown
 from voxgran.cli.clumps import clump
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text

@@ -13,9 +13,8 @@ from typing import Any, NoReturn
 
 import voxgran
 from voxgran._base.config import Parameter, parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, shown, warn_former
+from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown, warn_former
 from voxgran._base.lazy import load
-from voxgran._base.names import nearest, unknown
 from voxgran.cli.flags import FLAGS, Once, as_value
 from voxgran.settling.material import Material
 from voxgran.settling.parameters import Compression, Settling

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import MissingFileError
-from voxgran._base.names import check_known
+from voxgran._base.errors import MissingFileError, check_known
 
 #: what the installed package holds, or the checkout beside it; data/SOURCES.md names the origin of each
 DATA_FILES = {

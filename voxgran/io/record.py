@@ -24,20 +24,18 @@ from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.kinds.mesh import ClosedMesh
-from voxgran.containers.make import make_container, package_of, saved_mapping
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
 from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, rows_of
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import KINDS, SizeDistribution, make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.surface import Surface
 from voxgran.shapes.triangles import LatticePoints
 
 #: version of the layout; a reader refuses a higher one. Only packings of several densities need the second, and only

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from voxgran._base import ExplainedAttributes
+from voxgran._base.errors import check_known
 from voxgran._base.lazy import Dataset, DataTree, load
-from voxgran._base.names import check_known
 
 NAME = "voxgran"
 

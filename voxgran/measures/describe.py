@@ -6,9 +6,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, warn
+from voxgran._base.errors import InputError, PackingWarning, check_known, warn
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import check_known
 from voxgran.measures.model import dataset, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form

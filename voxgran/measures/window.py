@@ -26,11 +26,10 @@ from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slices import cut_mesh, cut_polygon
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.body import as_spheres
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import revolved
 
 #: number of sides of the prism that replaces a cylinder or cone

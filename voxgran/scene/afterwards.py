@@ -5,8 +5,7 @@ from typing import Any, Literal
 
 from voxgran._base.arrays import check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
-from voxgran._base.errors import InputError, shown
-from voxgran._base.names import check_known
+from voxgran._base.errors import InputError, check_known, shown
 from voxgran.containers.gravity import proposed_axis
 from voxgran.containers.model import Container
 from voxgran.packing.compress import compress

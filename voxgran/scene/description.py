@@ -9,12 +9,10 @@ from typing import Any, Literal, Self
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_share, check_type
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, check_known
 from voxgran._base.files import existing_file
-from voxgran._base.names import check_known
 from voxgran.contacts.assembly import NOT_STATED
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load

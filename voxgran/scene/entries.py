@@ -10,9 +10,8 @@ from typing import Any, Literal
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
 from voxgran._base.calls import removal_of
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shortened, shown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest, shortened, shown, unknown
 from voxgran._base.files import existing_file
-from voxgran._base.names import check_known, nearest, unknown
 from voxgran._base.seeds import stream
 from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump, record_of

@@ -10,8 +10,7 @@ from typing import Any, Literal
 
 from voxgran._base.calls import removal_of
 from voxgran._base.config import parameter, parameter_class, parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, unknown
 from voxgran.scene.sections import General, Output
 from voxgran.settling.material import Material
 from voxgran.settling.parameters import Compression, Settling

@@ -27,13 +27,12 @@ from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
 from voxgran.shapes.size_laws.plan import MOST_PLANNED, SizePlan, plan_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.surface import Surface
 
 #: folder of the input of engines
 DECKS = "dem"

@@ -2,8 +2,7 @@
 
 from voxgran._base.arrays import as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
-from voxgran._base.errors import InputError
-from voxgran._base.names import check_known
+from voxgran._base.errors import InputError, check_known
 from voxgran.decks.engine import engine_registry
 
 

@@ -13,8 +13,7 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import from_mapping, parameter
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import check_known, unknown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import Boundary, boundary_of
 from voxgran.geometry.walls import Round

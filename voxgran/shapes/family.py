@@ -15,10 +15,9 @@ from voxgran._base.registry import Parameters, Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.generating.ranges import drawn
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Kind, Primitive
-from voxgran.shapes.surface import Surface
 
 #: most shapes that are made at a time
 MOST_SHAPES = 1_000_000

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError, check_known, shown
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import check_known
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.missed import STOPPED
 from voxgran.report.significance import EQUAL, all_equal

@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import InputError, VoxgranError, shortened, shown
-from voxgran._base.names import check_known
+from voxgran._base.errors import InputError, VoxgranError, check_known, shortened, shown
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription

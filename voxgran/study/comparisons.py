@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, check_known
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import check_known
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
 from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes

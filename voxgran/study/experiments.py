@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.arrays import as_number
-from voxgran._base.errors import InputError, shown
-from voxgran._base.names import check_known
+from voxgran._base.errors import InputError, check_known, shown
 
 KEYS = ("low", "high", "source")
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
+from voxgran._base.errors import check_known
 from voxgran._base.files import as_path, write_files
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import check_known
 from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count, check_type
-from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
 from voxgran._base.files import existing_file
-from voxgran._base.names import check_known, unknown
 from voxgran.scene.checked_sections import read_toml
 from voxgran.scene.description import SECTIONS, SceneDescription
 from voxgran.study.axes import LISTS, plain

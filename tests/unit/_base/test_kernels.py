@@ -11,9 +11,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from voxgran._base.errors import unknown
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
-from voxgran._base.names import unknown
 from voxgran._base.registry import Registry
 
 

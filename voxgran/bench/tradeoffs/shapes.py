@@ -13,8 +13,7 @@ import numpy as np
 
 from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.shapes.family import default_families, families, make_shape, seeds_of_shapes
-from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.surface import Surface
+from voxgran.shapes.mesh import Mesh, Surface
 
 #: shapes of each family
 COUNT = 20

@@ -9,7 +9,7 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran.containers.equipment import Equipment
 from voxgran.containers.kinds.walls import direction
-from voxgran.containers.make import ContainerKind
+from voxgran.containers.model import ContainerKind
 from voxgran.containers.space import Space, space_within
 from voxgran.geometry.walls import plane
 

@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran.containers.kinds.box import Block
-from voxgran.containers.make import ContainerKind
+from voxgran.containers.model import ContainerKind
 
 
 @dataclass(frozen=True, init=False)

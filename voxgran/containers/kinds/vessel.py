@@ -13,7 +13,7 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.containers.enclosed import enclosed
 from voxgran.containers.kinds.mesh import MENDING, ClosedMesh
 from voxgran.containers.kinds.walls import direction
-from voxgran.containers.make import ContainerKind
+from voxgran.containers.model import ContainerKind
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
 

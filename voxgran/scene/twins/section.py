@@ -9,8 +9,7 @@ from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import existing_file
 from voxgran._base.units import NO_UNIT
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing

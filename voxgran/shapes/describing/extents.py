@@ -9,10 +9,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.geometry.orientation_laws.law import OrientationLaw, axis_in
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 
 
 def principal_extents(shape: Shape) -> Floats:

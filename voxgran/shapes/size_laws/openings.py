@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import UnknownNameError
-from voxgran._base.names import check_known
+from voxgran._base.errors import UnknownNameError, check_known
 
 #: numbers of a decade of the series R 20 and R 40, as rounded for sieves
 R20 = (1, 1.12, 1.25, 1.4, 1.6, 1.8, 2, 2.24, 2.5, 2.8, 3.15, 3.55, 4, 4.5, 5, 5.6, 6.3, 7.1, 8, 9)

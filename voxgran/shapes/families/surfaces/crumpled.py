@@ -19,8 +19,8 @@ from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.finer import cut_edges, edges_of
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: least distance of a plane from all vertices, in mean edges, so that no triangle is cut into slivers
 CLEAR = 1e-4

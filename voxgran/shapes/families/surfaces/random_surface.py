@@ -10,8 +10,8 @@ from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, Sized, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: cells per shortest wavelength along each edge
 CELLS = 8

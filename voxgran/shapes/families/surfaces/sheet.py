@@ -6,8 +6,8 @@ from voxgran._base.arrays import Integers, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, Sized, refuse_both, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: largest angle between adjacent strips of a rolled sheet, in degrees
 STRIP = 7.5

@@ -6,8 +6,8 @@ from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, Sized, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: number of corners around the axis, and largest angle between adjacent rings in degrees
 SIDES, RING = 36, 10.0
