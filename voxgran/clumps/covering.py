@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.sphere_sets import SphereSet, union_gaps
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import connected_components

@@ -30,13 +30,12 @@ from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, r
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh, Surface
+from voxgran.shapes.mesh import LatticePoints, Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import KINDS, SizeDistribution, make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.triangles import LatticePoints
 
 #: version of the layout; a reader refuses a higher one. Only packings of several densities need the second, and only
 #: those with meshes whose vertices lie on lattices the third

@@ -23,9 +23,18 @@ from voxgran._base.arrays import Floats, Integers, as_array, as_count, as_number
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import histogram_of, kept, lazy_of, not_finite, of_blocks, windowed
 from voxgran.lattice.distance import distance_transform
-from voxgran.lattice.image import Edges, Image, known_edges
+from voxgran.lattice.image import (
+    Edges,
+    Image,
+    histogram_of,
+    kept,
+    known_edges,
+    lazy_of,
+    not_finite,
+    of_blocks,
+    windowed,
+)
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.necks import (
     Basins,

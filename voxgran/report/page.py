@@ -30,10 +30,10 @@ from voxgran.contacts.verify import Verification
 from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
-from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import OF_FORCES, Coloring, coloring, gradient, swatches
 from voxgran.report.figures import Figure, figures_of
 from voxgran.report.force_chains import picture_forces
+from voxgran.report.scenes import picture_contacts
 from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
 from voxgran.report.view import views_of

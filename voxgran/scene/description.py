@@ -18,12 +18,14 @@ from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import compress_section, measure_section, settle_section
 from voxgran.scene.checked_sections import (
+    compress_section,
     general_section,
+    measure_section,
     read_toml,
     refuse_engines,
     section_of,
+    settle_section,
     share_by_of,
     with_file,
 )

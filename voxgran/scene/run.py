@@ -31,7 +31,7 @@ from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
-from voxgran.scene.afterwards import compressed
+from voxgran.scene.checked_sections import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import DECKS, Plan, make_plan
 from voxgran.shapes.model import Shape

@@ -14,8 +14,7 @@ from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.seeds import stream
 from voxgran.report.significance import difference_of, holm, welch_p_value
 from voxgran.study import group_tests
-from voxgran.study.comparisons import compare, compared_axis
-from voxgran.study.group_tests import hedges_g, rank_test
+from voxgran.study.comparisons import compare, compared_axis, hedges_g, rank_test
 from voxgran.study.statistics import confidence_limits, summary
 
 #: hours of sleep gained by two drugs, Student 1908, as in R's data set `sleep`

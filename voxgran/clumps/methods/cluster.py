@@ -34,8 +34,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import INSIDE, SURFACE, Points, SphereSet, without_cheapest
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask

@@ -17,8 +17,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import union_gaps
 
 #: number of points on the surface, at least and for each sphere

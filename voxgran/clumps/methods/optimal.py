@@ -26,9 +26,8 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
 from voxgran.clumps.covering import covering_growth, enclosed_holes
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import (
     INSIDE,
     OUTSIDE,

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as_vector
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
-from voxgran.containers.equipment import Equipment, multiplied
+from voxgran.containers.equipment import Equipment, Space, multiplied, space_within
 from voxgran.containers.model import ContainerKind
-from voxgran.containers.space import Space, space_within
 from voxgran.geometry.walls import Round, cone, plane
 
 #: keys of each kind of wall beside its point, and which of them may be left out

@@ -16,10 +16,9 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, grain_rows, program_part, row_of, text_of
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
-from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "Chrono DEM-Engine"

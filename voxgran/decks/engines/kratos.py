@@ -21,7 +21,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import ContactLaw
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, program_part
 from voxgran.decks.kratos_model import (
     Cluster,
     clu_text,
@@ -35,7 +35,6 @@ from voxgran.decks.kratos_model import (
     walls_of,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
-from voxgran.decks.text import program_part
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "Kratos", "pip install KratosMultiphysics KratosDEMApplication"

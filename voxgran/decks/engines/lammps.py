@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, row_of, text_of
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
     BODIES,
@@ -31,7 +31,6 @@ from voxgran.decks.lammps_states import (
 )
 from voxgran.decks.lammps_walls import law_text, wall_commands
 from voxgran.decks.simulation import OUTPUT, SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms of the first material: spheres that are grains, and spheres of clumps; the next one has 3 and 4

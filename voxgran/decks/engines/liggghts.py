@@ -21,10 +21,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, row_of, text_of
 from voxgran.decks.liggghts_walls import models_of, property_commands, wall_commands, wall_files
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import quaternions_of, rotation_matrices
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"

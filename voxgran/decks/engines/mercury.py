@@ -19,10 +19,9 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, grain_rows, program_part, row_of, text_of
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"

@@ -20,11 +20,10 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
-from voxgran.decks.engine import Engine
+from voxgran.decks.engine import Engine, row_of, text_of
 from voxgran.decks.facets import facets_of
 from voxgran.decks.pfc_reader import GRAINS, RUN, read_deck
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation, rows_of
-from voxgran.decks.text import row_of, text_of
 from voxgran.shapes.mesh import hull_of
 
 TITLE = "PFC"

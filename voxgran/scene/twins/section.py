@@ -13,8 +13,7 @@ from voxgran.containers.model import Container, make_container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import measure_section
-from voxgran.scene.checked_sections import general_section, refuse_engines, section_of, with_file
+from voxgran.scene.checked_sections import general_section, measure_section, refuse_engines, section_of, with_file
 from voxgran.scene.entries import given_values, material_section
 from voxgran.scene.keys import Twinned, names_of, refuse_unknown
 from voxgran.scene.sections import Output
