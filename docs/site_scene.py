@@ -10,15 +10,14 @@ from site_tables import code, table
 import voxgran
 from voxgran._base.config import parameters_of
 from voxgran.clumps.method import clump_registry
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
-from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.settling.parameters import Compression, Lid, Settling, Shaking
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.sizes import KINDS as LAWS

@@ -17,9 +17,9 @@ from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran.report.gallery import picture_shapes
+from voxgran.shapes.families.random.polyhedron import sphere_swept, steiner_volume
 from voxgran.shapes.families.regular.superquadric import volume_of
 from voxgran.shapes.generating.regular_solids import corners_of
-from voxgran.shapes.generating.sphere_swept import sphere_swept, steiner_volume
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_polyhedra")
 folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,6 @@ function for each family). With ``--check`` nothing is written, and the status i
 """
 
 import ast
-import dataclasses
 import inspect
 import re
 import sys
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import voxgran
+from voxgran._base.config import parameters_of
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
@@ -146,35 +146,37 @@ def fields_of(cls: type) -> dict[str, tuple[ast.expr, ast.expr | None]]:
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
                 default = next(iter(node.value.args), None) if isinstance(node.value, ast.Call) else node.value
                 found[node.target.id] = (node.annotation, default)
-    return {field.name: found[field.name] for field in dataclasses.fields(cls) if field.init}
+    return {item.name: found[item.name] for item in parameters_of(cls)}
 
 
-def keywords_classes(classes: list[type], base: str, shared: set[str], *, ranges: bool) -> str:
-    """Return the text of the classes of keywords of parameter classes and of the classes that these inherit."""
-    texts: dict[type, str] = {}
+def keywords_classes(classes: list[type], base: str, shared: set[str], *, ranges: bool) -> tuple[dict[type, str], str]:
+    """Return the names of the classes of keywords of parameter classes, and the text of these and of the classes that
+    they inherit; where a class adds no keyword, that of its parent serves.
+    """
+    names: dict[type, str] = {}
+    texts: list[str] = []
 
     def add(cls: type) -> str:
         """Add the text of a class, after that of its parent, and return its name."""
         if cls is object:
             return base
-        name, parent = f"{cls.__name__}Keywords", cls.__bases__[0]
-        if cls not in texts:
+        if cls not in names:
+            parent = cls.__bases__[0]
             above = add(parent)
             known = shared | (set(fields_of(parent)) if parent is not object else set())
             own = {key: kind for key, (kind, _) in fields_of(cls).items() if key not in known}
-            texts[cls] = keywords_class(name, above, own, ranges=ranges)
-        return name
+            names[cls] = f"{cls.__name__}Keywords" if own else above
+            texts.extend([keywords_class(names[cls], above, own, ranges=ranges)] if own else [])
+        return names[cls]
 
-    for cls in classes:
-        add(cls)
-    return "".join(texts.values())
+    return {cls: add(cls) for cls in classes}, "".join(texts)
 
 
 def keywords_class(name: str, parent: str, annotations: dict[str, ast.expr], *, ranges: bool = False) -> str:
     """Return the text of a class of keywords."""
     head = f"class {name}({parent}, total=False):"
     lines = [f"    {key}: {accepted(key, kind, ranges=ranges)}\n" for key, kind in annotations.items()]
-    return f"{head}\n{''.join(lines)}" if lines else f"{head} ...\n"
+    return f"{head}\n{''.join(lines)}"
 
 
 def calls_stub() -> str:
@@ -185,8 +187,12 @@ def calls_stub() -> str:
         base = "".join(word.capitalize() for word in function.__name__.split("_")) + "Keywords"
         classes = {name: registry.get(name).parameters for name in registry.names()}
         text += keywords_class(base, "TypedDict", shared)
-        text += keywords_classes(list(classes.values()), base, set(shared), ranges=function is make_shape)
-        choices = [(f'Literal["{name}"]', f"Unpack[{cls.__name__}Keywords]") for name, cls in classes.items()]
+        called, added = keywords_classes(list(classes.values()), base, set(shared), ranges=function is make_shape)
+        text += added
+        takers: dict[str, list[str]] = {}
+        for name, cls in classes.items():
+            takers.setdefault(called[cls], []).append(f'"{name}"')
+        choices = [(f"Literal[{', '.join(names)}]", f"Unpack[{keywords}]") for keywords, names in takers.items()]
         choices.append(("str | Parameters", f"Unpack[{base}]"))
         text += "".join(f"@overload\ndef {head.format(*choice)}: ...\n" for head in heads for choice in choices)
     return text

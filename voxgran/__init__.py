@@ -20,7 +20,7 @@ __all__ += ["__version__"]
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
     if name in _FORMER:
-        from voxgran._base.warning import warn_former
+        from voxgran._base.errors import warn_former
 
         warn_former(f"voxgran.{name} is now voxgran.{_FORMER[name]}; write that name")
         return _find(_FORMER[name])

@@ -21,7 +21,7 @@ from voxgran.containers.kinds.rectangle import Rectangle as Rectangle
 from voxgran.containers.kinds.sphere import Sphere as Sphere
 from voxgran.containers.kinds.vessel import Vessel as Vessel
 from voxgran.containers.kinds.walls import Walls as Walls
-from voxgran.containers.make import make_container as make_container
+from voxgran.containers.model import make_container as make_container
 from voxgran.containers.rough_walls import rough_walls as rough_walls
 from voxgran.decks.engine import engines as engines
 from voxgran.decks.relax import relax as relax
@@ -77,10 +77,10 @@ from voxgran.points.sample import sample_surface as sample_surface
 from voxgran.report.compare import save_comparison as save_comparison
 from voxgran.report.gallery import save_clump_picture as save_clump_picture
 from voxgran.report.gallery import save_gallery as save_gallery
+from voxgran.report.notebook import plot as plot
+from voxgran.report.notebook import save_picture as save_picture
 from voxgran.report.notebook import view as view
 from voxgran.report.page import save_report as save_report
-from voxgran.report.plot import plot as plot
-from voxgran.report.plot import save_picture as save_picture
 from voxgran.report.slices import save_slices as save_slices
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene

@@ -78,11 +78,11 @@ class FeedingKeywords(PackKeywords, total=False):
     rate: Number
     layer_sweeps: Whole
 class WalkingKeywords(FeedingKeywords, total=False):
+    lid: bool
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    lid: bool
 class ControlPointKeywords(WalkingKeywords, total=False):
     spacing: Number
     contact: Literal['sdf', 'kdtree']
@@ -115,10 +115,8 @@ class DigitalFillKeywords(LatticeSearchKeywords, total=False):
     place: Literal['lowest', 'contact', 'wall']
     gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
     order: Literal['random', 'largest']
-class DigitalRsaKeywords(LatticeSearchKeywords, total=False): ...
 class GrowthRateKeywords(PackKeywords, total=False):
     growth_rate: Number
-class ExpandKeywords(GrowthRateKeywords, total=False): ...
 class SettlingKeywords(PackKeywords, total=False):
     friction: Number | Materials
     restitution: Number
@@ -183,9 +181,9 @@ def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal[
 @overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_fill"], **keywords: Unpack[DigitalFillKeywords]) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[DigitalRsaKeywords]) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[LatticeSearchKeywords]) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[GrowthRateKeywords]) -> Packing: ...
 @overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["gravity"], **keywords: Unpack[GravityKeywords]) -> Packing: ...
 @overload
@@ -219,9 +217,9 @@ def pack(*, container: Container, method: Literal["digital"], **keywords: Unpack
 @overload
 def pack(*, container: Container, method: Literal["digital_fill"], **keywords: Unpack[DigitalFillKeywords]) -> Packing: ...
 @overload
-def pack(*, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[DigitalRsaKeywords]) -> Packing: ...
+def pack(*, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[LatticeSearchKeywords]) -> Packing: ...
 @overload
-def pack(*, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]) -> Packing: ...
+def pack(*, container: Container, method: Literal["expand"], **keywords: Unpack[GrowthRateKeywords]) -> Packing: ...
 @overload
 def pack(*, container: Container, method: Literal["gravity"], **keywords: Unpack[GravityKeywords]) -> Packing: ...
 @overload
@@ -242,42 +240,34 @@ def pack(*, container: Container, method: Literal["voronoi_fill"], **keywords: U
 def pack(*, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]) -> Packing: ...
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
-class BoxKeywords(MakeShapeKeywords, total=False):
+class SizedKeywords(MakeShapeKeywords, total=False):
+    diameter: NumberRange | None
+class BoxKeywords(SizedKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-class CylinderKeywords(MakeShapeKeywords, total=False):
+class CylinderKeywords(SizedKeywords, total=False):
     aspect: NumberRange | None
-    diameter: NumberRange | None
     radius: NumberRange | None
     height: NumberRange | None
-class ConeKeywords(CylinderKeywords, total=False): ...
-class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
+class ConvexPolyhedronKeywords(SizedKeywords, total=False):
     points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
-    diameter: NumberRange | None
-class CrumpledKeywords(MakeShapeKeywords, total=False):
+class CrumpledKeywords(SizedKeywords, total=False):
     fold_length: NumberRange
     angles: Sequence[Number] | NDArray[Any]
     aspect: Sequence[Number] | NDArray[Any]
-    diameter: NumberRange | None
-class CubeRainKeywords(MakeShapeKeywords, total=False):
+class CubeRainKeywords(SizedKeywords, total=False):
     cubes: WholeRange
     edges: Sequence[Number] | NDArray[Any]
     overlap: NumberRange
     fall: Literal['around', 'down']
-    diameter: NumberRange | None
-class SphereKeywords(MakeShapeKeywords, total=False):
-    diameter: NumberRange | None
+class SphereKeywords(SizedKeywords, total=False):
     radius: NumberRange | None
-class DiskKeywords(SphereKeywords, total=False): ...
-class EllipsoidKeywords(MakeShapeKeywords, total=False):
+class EllipsoidKeywords(SizedKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: NumberRange | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
-class LearnedKeywords(MakeShapeKeywords, total=False):
+class LearnedKeywords(SizedKeywords, total=False):
     model: ShapeModel | str
-    diameter: NumberRange | None
 class FourierSpectrumKeywords(MakeShapeKeywords, total=False):
     d_2: NumberRange
     d_3: NumberRange
@@ -290,40 +280,34 @@ class MollonZhaoKeywords(FourierSpectrumKeywords, total=False):
     diameter: NumberRange | None
 class MollonZhao2dKeywords(FourierSpectrumKeywords, total=False):
     diameter: NumberRange | None
-class NoiseStarKeywords(MakeShapeKeywords, total=False):
+class NoiseStarKeywords(SizedKeywords, total=False):
     deviation: NumberRange
     correlation_angle: NumberRange
     subdivisions: WholeRange
-    diameter: NumberRange | None
-class PlatonicKeywords(MakeShapeKeywords, total=False):
+class PlatonicKeywords(SizedKeywords, total=False):
     solid: PlatonicSolid
-    diameter: NumberRange | None
-class PolygonKeywords(MakeShapeKeywords, total=False):
+class PolygonKeywords(SizedKeywords, total=False):
     corners: WholeRange | None
     stretch: NumberRange | None
-    diameter: NumberRange | None
     vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
-class PolyhedronKeywords(MakeShapeKeywords, total=False):
+class PolyhedronKeywords(SizedKeywords, total=False):
     solid: Solid
     points: WholeRange | (Sequence[Whole] | NDArray[Any]) | None
     aspect: Sequence[Number] | NDArray[Any]
     mirror: bool
     rounding: NumberRange
     tolerance: NumberRange
-    diameter: NumberRange | None
-class RandomGrowthKeywords(MakeShapeKeywords, total=False):
+class RandomGrowthKeywords(SizedKeywords, total=False):
     cubes: WholeRange
     power: NumberRange
     rates: Sequence[Number] | NDArray[Any] | None
     aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: NumberRange | None
     edge: NumberRange | None
-class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
+class RandomSurfaceKeywords(SizedKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any]
     height: NumberRange
     waves: WholeRange
     max_frequency: NumberRange
-    diameter: NumberRange | None
 class RoughnessKeywords(MakeShapeKeywords, total=False):
     method: Literal['spectral', 'patir', 'whitehouse', 'midpoint']
     rms: NumberRange | None
@@ -337,15 +321,13 @@ class RoughSheetKeywords(RoughnessKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
     diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-class SheetKeywords(MakeShapeKeywords, total=False):
+class SheetKeywords(SizedKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
     roll: NumberRange
-    diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-class ShellKeywords(MakeShapeKeywords, total=False):
+class ShellKeywords(SizedKeywords, total=False):
     opening: NumberRange
-    diameter: NumberRange | None
-class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
+class SierpinskiSpongeKeywords(SizedKeywords, total=False):
     kind: Literal['random', 'menger', 'sierpinski', 'carpet']
     divisions: WholeRange
     levels: WholeRange
@@ -353,9 +335,8 @@ class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
     removed: WholeRange | None
     kept: NumberRange | None
     piece: Literal['largest', 'whole']
-    diameter: NumberRange | None
     edge: NumberRange | None
-class SolidUnionKeywords(MakeShapeKeywords, total=False):
+class SolidUnionKeywords(SizedKeywords, total=False):
     solids: WholeRange | (Sequence[Whole] | NDArray[Any])
     kinds: Sequence[Kind] | NDArray[Any]
     counts: Sequence[Whole | (Sequence[Whole] | NDArray[Any])] | NDArray[Any] | None
@@ -366,8 +347,7 @@ class SolidUnionKeywords(MakeShapeKeywords, total=False):
     ellipsoid: Sequence[Number | (Sequence[Number] | NDArray[Any])] | NDArray[Any] | None
     sphere: NumberRange | (Sequence[Number] | NDArray[Any]) | None
     chord_error: NumberRange
-    diameter: NumberRange | None
-class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
+class SphereAssemblyKeywords(SizedKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
     arrangement: Literal['voxels', 'tetrahedra']
     spacing: NumberRange
@@ -375,15 +355,13 @@ class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
     radii: NumberRange | (Sequence[Number] | NDArray[Any])
     overlap: NumberRange
     isolated: Literal['connect', 'remove']
-    diameter: NumberRange | None
-class SphericalHarmonicsKeywords(MakeShapeKeywords, total=False):
+class SphericalHarmonicsKeywords(SizedKeywords, total=False):
     like: str | Shape | Mapping[str, Any] | None
     degree: WholeRange
     roughness: NumberRange | None
     exponent: NumberRange | None
     aspect: Sequence[Number] | NDArray[Any]
     subdivisions: WholeRange
-    diameter: NumberRange | None
 class SpherocylinderKeywords(MakeShapeKeywords, total=False):
     aspect: NumberRange | None
     diameter: NumberRange | None
@@ -396,7 +374,7 @@ class SuperquadricKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
     tolerance: NumberRange
-class SuperspherizeKeywords(MakeShapeKeywords, total=False):
+class SuperspherizeKeywords(SizedKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
     inflations: WholeRange
     amounts: NumberRange | (Sequence[Number] | NDArray[Any])
@@ -404,34 +382,31 @@ class SuperspherizeKeywords(MakeShapeKeywords, total=False):
     half_angles: NumberRange | (Sequence[Number] | NDArray[Any])
     spread: NumberRange
     longest_edge: NumberRange
-    diameter: NumberRange | None
 class TorusKeywords(MakeShapeKeywords, total=False):
     aspect: NumberRange | None
     diameter: NumberRange | None
     major_radius: NumberRange | None
     minor_radius: NumberRange | None
     tolerance: NumberRange
-class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
+class VoronoiFragmentKeywords(SizedKeywords, total=False):
     seeds: WholeRange
     process: Literal['random', 'jittered']
     jitter: NumberRange
     boundary: Literal['periodic', 'reflected']
     aspect: Sequence[Number] | NDArray[Any] | None
     cell: WholeRange | None
-    diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-class VoxelRainKeywords(MakeShapeKeywords, total=False):
+class VoxelRainKeywords(SizedKeywords, total=False):
     cubes: WholeRange
     width: Sequence[Whole] | NDArray[Any]
     base: Literal['rectangle', 'ellipse']
     plate: WholeRange
     deposition: Literal['ballistic', 'random', 'relaxed']
-    diameter: NumberRange | None
     edge: NumberRange | None
 @overload
 def make_shape(family: Literal["box"], **keywords: Unpack[BoxKeywords]) -> Shape: ...
 @overload
-def make_shape(family: Literal["cone"], **keywords: Unpack[ConeKeywords]) -> Shape: ...
+def make_shape(family: Literal["cone", "cylinder"], **keywords: Unpack[CylinderKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["convex_polyhedron"], **keywords: Unpack[ConvexPolyhedronKeywords]) -> Shape: ...
 @overload
@@ -439,9 +414,7 @@ def make_shape(family: Literal["crumpled"], **keywords: Unpack[CrumpledKeywords]
 @overload
 def make_shape(family: Literal["cube_rain"], **keywords: Unpack[CubeRainKeywords]) -> Shape: ...
 @overload
-def make_shape(family: Literal["cylinder"], **keywords: Unpack[CylinderKeywords]) -> Shape: ...
-@overload
-def make_shape(family: Literal["disk"], **keywords: Unpack[DiskKeywords]) -> Shape: ...
+def make_shape(family: Literal["disk", "sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["ellipsoid"], **keywords: Unpack[EllipsoidKeywords]) -> Shape: ...
 @overload
@@ -473,8 +446,6 @@ def make_shape(family: Literal["sierpinski_sponge"], **keywords: Unpack[Sierpins
 @overload
 def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeywords]) -> Shape: ...
 @overload
-def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
-@overload
 def make_shape(family: Literal["sphere_assembly"], **keywords: Unpack[SphereAssemblyKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["spherical_harmonics"], **keywords: Unpack[SphericalHarmonicsKeywords]) -> Shape: ...
@@ -495,7 +466,7 @@ def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) 
 @overload
 def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["cone"], *, count: Whole, **keywords: Unpack[ConeKeywords]) -> list[Shape]: ...
+def make_shapes(family: Literal["cone", "cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]) -> list[Shape]: ...
 @overload
@@ -503,9 +474,7 @@ def make_shapes(family: Literal["crumpled"], *, count: Whole, **keywords: Unpack
 @overload
 def make_shapes(family: Literal["cube_rain"], *, count: Whole, **keywords: Unpack[CubeRainKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
-@overload
-def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
+def make_shapes(family: Literal["disk", "sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]) -> list[Shape]: ...
 @overload
@@ -536,8 +505,6 @@ def make_shapes(family: Literal["shell"], *, count: Whole, **keywords: Unpack[Sh
 def make_shapes(family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]) -> list[Shape]: ...
-@overload
-def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]) -> list[Shape]: ...
 @overload

@@ -7,8 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from voxgran._base.arrays import as_length, as_number, as_points
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, ContainerKind
 from voxgran.geometry.walls import Round, planes_across
 from voxgran.shapes.tessellate import revolved
 

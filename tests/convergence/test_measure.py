@@ -7,7 +7,7 @@ import pytest
 
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
-from voxgran.measures import cylinders, region, window
+from voxgran.measures import region, window
 from voxgran.measures.region import Regions
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
@@ -39,7 +39,7 @@ def test_the_quadrature_of_spheres_in_cylinders_converges_fast():
     for points in (5, 10, 20, 40, 80):
         ends = np.array([[-1.0, -1.0], [1.0, 1.0]])
         apart = np.hypot(centers[:, 0], centers[:, 1])
-        found[points] = cylinders._quadrature(apart / radii, 1 / radii, ends, points)
+        found[points] = region._quadrature(apart / radii, 1 / radii, ends, points)
     errors = [np.abs(found[n] - found[80]).max() for n in (5, 10, 20, 40)]
     assert errors[0] > errors[1] > errors[2]
     assert errors[2] < 1e-9

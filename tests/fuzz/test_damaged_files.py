@@ -23,7 +23,7 @@ from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.errors import DirtyMeshWarning, PackingWarning, VoxgranError
 from voxgran._base.lazy import load
 from voxgran.io.series import listed_times
-from voxgran.packing.tessellation.mesh_files import read_cells
+from voxgran.packing.tessellation.method import read_cells
 from voxgran.shapes.tessellate import unit_box
 
 #: CPU seconds within which a file of a few kilobytes must be read or refused

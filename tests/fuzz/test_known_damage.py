@@ -14,7 +14,7 @@ from voxgran._base.errors import CheckpointError, FileFormatError, VoxgranError
 from voxgran._base.lazy import load
 from voxgran.shapes.formats import mesh_files
 from voxgran.shapes.repairing import diagnose
-from voxgran.shapes.repairing.touching import _angles
+from voxgran.shapes.repairing.repair import _angles
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()

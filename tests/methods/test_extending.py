@@ -128,7 +128,7 @@ def test_the_examples_of_the_page_pass_their_suites(found):
 
 
 def test_the_table_of_the_page_names_the_groups_that_the_registries_read():
-    from voxgran.containers.make import container_registry
+    from voxgran.containers.model import container_registry
     from voxgran.decks.engine import engine_registry
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry

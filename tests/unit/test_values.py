@@ -19,7 +19,7 @@ from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import VoxgranError
 from voxgran.cli import main
 from voxgran.clumps.method import clump_registry
-from voxgran.io.cloud_of_packing import cloud_of_packing
+from voxgran.io.cloud_files import cloud_of_packing
 from voxgran.measures.registered.coordination import coordination_number, near_contacts
 from voxgran.measures.registered.profile import axis_profile, wall_profile
 from voxgran.packing.draw import Request

@@ -7,9 +7,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from voxgran._base.arrays import as_flag
-from voxgran._base.errors import CallError
-from voxgran._base.names import nearest, unknown
-from voxgran._base.warning import warn_former
+from voxgran._base.errors import CallError, nearest, unknown, warn_former
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -23,10 +23,8 @@ from typing import Any, TypeVar, dataclass_transform
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths, check_type
 from voxgran._base.calls import explained_methods, removal_of
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown, warn_former
 from voxgran._base.scalars import float_of, nested, number_of, unwrapped, whole_number_of
-from voxgran._base.warning import warn_former
 
 T = TypeVar("T")
 
@@ -211,8 +209,7 @@ def kind_of(
     if "kind" not in values:
         raise InputError(f"{where} kind is missing: it must be one of {', '.join(sorted(kinds))}; add it")
     kind = values.pop("kind")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise UnknownNameError(unknown(f"{where} kind", kind, kinds))
+    check_known(f"{where} kind", kind, kinds)
     return kinds[kind], values
 
 

@@ -19,11 +19,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, warn
 from voxgran._base.files import is_private
 from voxgran._base.lazy import load
 from voxgran._base.stopping import heed
-from voxgran._base.warning import warn
 
 log = logging.getLogger(__name__)
 

@@ -1,9 +1,9 @@
 """Registries that find what they hold: one file, one entry.
 
 A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
-`registration` is the entry ``"digital"``. Where the files lie apart, a table names them. Files are imported when they
-are asked for, never before. Third parties add entries through an entry-point group, whose values point at such a
-registration.
+`registration` is the entry ``"digital"``, which the registry gives that name. Where the files lie apart, a table names
+them. Files are imported when they are asked for, never before. Third parties add entries through an entry-point group,
+whose values point at such a registration; the name of the entry point is that of the entry.
 """
 
 import dataclasses
@@ -16,8 +16,7 @@ from functools import cache, lru_cache
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, shown, unknown
 
 T = TypeVar("T")
 
@@ -73,7 +72,8 @@ class Registry(Generic[T]):
                 f"{self.kind} {name!r} is {found!r}: its file must hold 'registration = "
                 f"{self.entry.__name__}(...)'; add that line"
             )
-        return found
+        named: Any = found
+        return found if named.name == name else dataclasses.replace(named, name=name)
 
     def package_of(self, name: str) -> str:
         """Return the package that registers an entry by an entry point; ``""`` for a file of the registry's package."""

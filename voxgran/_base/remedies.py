@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from voxgran._base import errors
-from voxgran._base.errors import VoxgranError
-from voxgran._base.names import nearest, nearest_word, synonyms_of
+from voxgran._base.errors import VoxgranError, nearest, nearest_word, synonyms_of
 
 
 def remedy_in_module(module: str, name: str) -> str:

@@ -3,8 +3,7 @@
 from collections.abc import Iterable
 from fractions import Fraction
 
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import nearest, unknown
+from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown
 
 #: no unit is known
 NO_UNIT = "1"

@@ -12,16 +12,15 @@ from typing import Any, Literal, get_args, get_origin
 
 from voxgran._base.config import Parameter, kinds_of, parameters_of
 from voxgran._base.lazy import load
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
 from voxgran.scene.keys import AnyShape, Listed, Packed, Settled, ShapeOfFamily, ShapeOfFile, Twinned
 from voxgran.scene.sections import General, Output
-from voxgran.scene.twins.request import PROTOCOLS
 from voxgran.scene.twins.section import ALONE
-from voxgran.settling.compression_parameters import Compression
+from voxgran.scene.twins.twin import PROTOCOLS
 from voxgran.settling.material import Material
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.shapes.family import families
 from voxgran.shapes.formats.tables import rows_in
 from voxgran.shapes.sizes import KINDS

@@ -11,13 +11,11 @@ from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
-from voxgran.report.closeup import add_grain, closeups_of
-from voxgran.report.colors import COLORS, Coloring, coloring
+from voxgran.report.colors import COLORS, Coloring, coloring, legend_of
 from voxgran.report.creases import surface_of
 from voxgran.report.force_chains import COLORS as SHADES
 from voxgran.report.force_chains import add_chains, add_contacts
-from voxgran.report.legend import legend_of
-from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
+from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grain, add_grains, closeups_of
 from voxgran.report.stage import (
     SMOOTHING,
     add_container,

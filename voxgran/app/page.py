@@ -21,9 +21,9 @@ from voxgran.app.scan import ScanPane
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
-from voxgran.report.closeup import numbers_of_grain
 from voxgran.report.colors import colors_of
 from voxgran.report.facts import Fact
+from voxgran.report.scenes import numbers_of_grain
 from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs

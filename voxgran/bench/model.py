@@ -44,7 +44,7 @@ DATA = PEERS.parent / "data"
 class TradeOff:
     """One registered trade-off."""
 
-    name: str
+    name: str = ""  # that of the file
     summary: str
     #: writes rows and a figure into a folder and returns the files
     run: Callable[[Path], tuple[Path, ...]]

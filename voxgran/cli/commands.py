@@ -1,4 +1,7 @@
-"""What each command does: one function and one entry in :data:`COMMANDS`."""
+"""What each command does: one function and one entry in :data:`COMMANDS`.
+
+Command that lists the files that come with the package, or copies one.
+"""
 
 import argparse
 import json
@@ -11,16 +14,15 @@ from typing import Any
 
 import voxgran
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import UnknownNameError
-from voxgran._base.files import write_text
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, shown, unknown
+from voxgran._base.files import write_text, written_whole
 from voxgran.cli.clumps import clump
-from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.segmenting import learn, segment
 from voxgran.cli.shapes import shape, simplify
 from voxgran.cli.terminal import UNITS, complain, entry_line, loaded, progress, say_assumed, show, table
+from voxgran.io.data_files import installed_data_files
 from voxgran.shapes.files import check_surface_output
 
 #: which parts use several cores
@@ -336,6 +338,31 @@ def demo(options: argparse.Namespace) -> int:
         table(rows)
         print(f"results in {options.output}: open report.html, or packing.vtp and scene.vtm in ParaView")
     return 0 if all(row["verify"] == "ok" for row in rows) else 1
+
+
+def data(options: argparse.Namespace) -> None:
+    """Copy a file that comes with voxgran, and say where the copy is; without a name, list the files.
+
+    Raises
+    ------
+    InputError
+        If an output is given without a name.
+    """
+    if options.name is None:
+        if options.output:
+            names = ", ".join(installed_data_files())
+            where = shown(options.output)
+            raise InputError(f"-o {where} is given without a name: name the file to copy; one of {names}")
+        if options.json:
+            show(installed_data_files(), options)
+        else:
+            for name, about in installed_data_files().items():
+                entry_line(name, about)
+        return
+    source, target = voxgran.data_file(options.name), options.output or options.name
+    with written_whole(target, overwrite=options.overwrite) as draft:
+        draft.write_bytes(source.read_bytes())
+    show({"file": str(target), "bytes": source.stat().st_size}, options)
 
 
 #: name: help, function, flags

@@ -21,8 +21,7 @@ from voxgran.containers.gravity import as_down, proposed_axis
 from voxgran.io.files import check_savable
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
-from voxgran.settling.compression_parameters import Compression
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 
 #: shares of the grains that `equilibrium` tells
 SHARES = ("share_at_rest", "share_at_rest_without_rattlers", "share_of_rattlers")

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_share
-from voxgran._base.errors import PackingWarning
+from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.lazy import Dataset, load
-from voxgran._base.warning import warn
 from voxgran.geometry.sphere_pairs import near_pairs
 
 #: least area of a bond, as share of the great circle of the smaller sphere

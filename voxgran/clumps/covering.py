@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.sphere_sets import SphereSet, union_gaps
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import connected_components
@@ -12,7 +12,7 @@ from voxgran.voxels.closed_form import spheres_bits
 #: accuracy of the growth that covers a surface, in equivalent diameters
 ACCURACY = 1e-5
 #: voxels along the equivalent diameter in which holes are looked for
-RESOLUTION = 96.0
+LATTICE = 96.0
 #: largest number of these voxels
 MOST_VOXELS = 50_000_000
 
@@ -46,7 +46,7 @@ def enclosed_holes(body: Body, spheres: SphereSet) -> Floats:
     """Return the voxels of the solid in holes that the union encloses, (n, 3); cavities of the solid do not count."""
     reach = np.abs(spheres.centers).max(axis=0) + spheres.radii.max()
     # long solids get coarser voxels
-    size = max(1.0 / RESOLUTION, float(np.cbrt(np.prod(2.0 * reach) / MOST_VOXELS)))
+    size = max(1.0 / LATTICE, float(np.cbrt(np.prod(2.0 * reach) / MOST_VOXELS)))
     grid = Grid.around(-reach, reach, size)
     empty = ~spheres_bits(spheres.centers, spheres.radii, grid, cover="center").unpacked()
     labels = connected_components(empty, connectivity=6)[0]

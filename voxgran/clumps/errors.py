@@ -4,7 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.model import ClumpErrors
 from voxgran.clumps.sphere_sets import union_gaps
 from voxgran.geometry.rotation import normalized, rotation_matrices

@@ -8,12 +8,10 @@ import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, shown, warn
 from voxgran._base.registry import Parameters
-from voxgran._base.warning import warn
-from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
-from voxgran.clumps.method import ClumpMethod, Fitted, clump_methods, clump_registry
+from voxgran.clumps.method import Body, ClumpMethod, Fitted, clump_methods, clump_registry
 from voxgran.clumps.model import Clump, ClumpErrors
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.surface import smooth_surface

@@ -31,10 +31,9 @@ from voxgran.contacts.solid import Solid
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.geometry.tree import TriangleTree
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.surface import Surface
 
 TouchPair = Callable[..., Touch]
 #: two grains and the periodic image of the second

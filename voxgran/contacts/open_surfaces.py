@@ -24,9 +24,8 @@ from voxgran.contacts.solid import Solid
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.surface import Surface
 
 
 def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) -> Callable[..., Touch]:

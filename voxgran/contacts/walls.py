@@ -24,11 +24,10 @@ from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import support
 from voxgran.geometry.vectors import add, dot
 from voxgran.geometry.walls import Round, directions_toward, in_frame, out_of_frame, reach_from
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.surface import Surface
 
 #: number of directions in which the support function of a convex part is sampled before the best ones are refined
 DIRECTIONS = 128

@@ -11,4 +11,4 @@ from voxgran.containers.kinds.rectangle import Rectangle as Rectangle
 from voxgran.containers.kinds.sphere import Sphere as Sphere
 from voxgran.containers.kinds.vessel import Vessel as Vessel
 from voxgran.containers.kinds.walls import Walls as Walls
-from voxgran.containers.make import make_container as make_container
+from voxgran.containers.model import make_container as make_container

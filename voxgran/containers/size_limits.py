@@ -13,10 +13,10 @@ from voxgran.geometry.periods import images_within, shortest_period
 from voxgran.geometry.sphere_pairs import MOST_IMAGES
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.describing.inscribed import inscribed_radius
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 
 #: factor that allows for rounding of a length
 EXACT = 1 + 1e-12

@@ -9,8 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Integers, as_count
 from voxgran._base.errors import InputError, shown
 from voxgran._base.scalars import whole_number_of
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, make_container
 
 #: parameters of containers that lengths along axes decide, by the axes
 ALONG = {"lengths": (0, 1, 2), "origin": (0, 1, 2), "tilt": (0, 0, 1), "radius": (0,), "height": (2,)}

@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, PackingWarning
-from voxgran._base.warning import warn
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran.settling.material import Material
 
 #: acceleration of gravity at the surface of the Earth, m/s^2

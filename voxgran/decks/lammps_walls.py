@@ -8,8 +8,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import CHOSEN_OVERLAP, ContactLaw
+from voxgran.decks.engine import row_of
 from voxgran.decks.simulation import Simulation
-from voxgran.decks.text import row_of
 from voxgran.decks.walls import MOST_PLANES, Platen, planes_of
 from voxgran.geometry.walls import Round
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.decks.engine import row_of, text_of
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import Simulation
-from voxgran.decks.text import row_of, text_of
 
 #: the range of Young's modulus that LIGGGHTS takes without further words
 SOFT, HARD = 5e6, 1e9

@@ -41,6 +41,8 @@ USUAL_STEP = 0.5
 SPARSEST, DENSEST = 10.0, 3e4
 #: most time steps of a run
 MOST_STEPS = 1e12
+#: room between the walls and the bounds of the domain, in median diameters, so that no grain is lost
+MARGIN = 2.0
 #: largest share of the velocity of a grain that a drag takes in one time step
 STABLE_DRAG = 0.2
 #: relative difference of a stress up to which it is met
@@ -159,6 +161,11 @@ class Simulation:
         low, high = self.walls.bounds
         strained: Floats = corners[0] + (position - low) * (np.ptp(corners, axis=0) / (high - low))
         return strained
+
+    def domain(self, reach: float) -> Floats:
+        """Return the bounds (2, 3) of the domain of an engine: those of the walls, with room for grains beyond them."""
+        room = np.where(self.walls.periodic, 0.0, MARGIN * self.diameter + 2 * reach)
+        return np.array([self.walls.bounds[0] - room, self.walls.bounds[1] + room])
 
     @property
     def fixed(self) -> list[tuple[int, int]]:

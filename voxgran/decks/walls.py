@@ -11,8 +11,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.convex_bodies import is_convex
+from voxgran.containers.equipment import tangent_mesh
 from voxgran.containers.model import boundary_of, periods_of
-from voxgran.containers.space import tangent_mesh
 from voxgran.geometry.periods import turns_of
 from voxgran.geometry.walls import Plane, Round, plane
 from voxgran.settling.materials import wall_names

@@ -3,9 +3,9 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.decks.engine import row_of
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import Simulation
-from voxgran.decks.text import row_of
 
 #: how far a wall of a periodic cell reaches, in cells: grains are not wrapped, and meet it where they are
 REACH = 1000

@@ -2,6 +2,12 @@
 
 PLY and PCD are read and written here: Open3D's reader returns memory as it lies of a file that is cut, and dies of some
 that mix types; its writer reports success on a full disk. LAS is read by laspy where it is there.
+
+Points in text tables, with columns identified by their names or, without names, by their number.
+
+The reader is not that of pandas, which fills rows that are too short with NaN instead of refusing a file that is cut.
+
+A packing as a cloud of points on its grains.
 """
 
 import logging
@@ -12,17 +18,18 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import check_type
+from voxgran._base.arrays import Floats, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, unpacked, written_whole
 from voxgran._base.guarded import Content, read_guarded, reason_of
 from voxgran._base.lazy import load
-from voxgran.io.cloud_of_packing import cloud_of_packing
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.io.pcd_format import pcd_bytes, pcd_columns
-from voxgran.io.point_tables import read_point_table
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
+from voxgran.points.sample import sample_surface
+from voxgran.shapes.formats.columns import cells_in, table_text
 from voxgran.shapes.formats.mesh_formats import ply_columns, ply_elements
 
 Columns: TypeAlias = tuple[Any, Any, Any]
@@ -221,6 +228,100 @@ def laser_points(path: Path) -> Content:
         raise MissingLibraryError(f"{path} needs laspy to be read: install it with 'pip install laspy'") from error
     found = reader.read(str(path))
     return {}, {"points": np.column_stack([found.x, found.y, found.z]).astype(np.float64)}
+
+
+#: largest difference from 1 of the length of a normal in columns without names
+UNIT = 1e-3
+#: names of the columns
+PLACE, NORMAL, GRAIN = ("x", "y", "z"), ("nx", "ny", "nz"), ("grain", "label")
+
+
+def read_point_table(path: Path) -> tuple[Any, Any, Any]:
+    """Return points, and normals and grains where there are any, of rows of numbers with spaces, commas or semicolons
+    between, and names of the columns in a first row if it has one.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no such table, or says too little about its columns.
+    """
+    lines = [line.strip() for line in table_text(path).splitlines()]
+    rows = [cells_in(line) for line in lines if line and not line.startswith(("#", "//"))]
+    if not rows:
+        return np.zeros((0, 3)), None, None
+    names = [cell.lower() for cell in rows[0]]
+    if set(PLACE) <= set(names):
+        return _by_name(_numbers(rows[1:], len(names), path), names)
+    return _by_place(_numbers(rows, len(names), path), path)
+
+
+def _numbers(rows: list[list[str]], width: int, path: Path) -> Floats:
+    """Return rows as numbers."""
+    table = []
+    for k, row in enumerate(rows):
+        try:
+            table.append([float(cell) for cell in row])
+            if len(row) != width:
+                raise ValueError
+        except ValueError:
+            raise FileFormatError(
+                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)[:60]!r}, and {width} numbers are "
+                "needed; mend it, or name the columns x, y, z in the first row"
+            ) from None
+    return np.array(table, dtype=np.float64).reshape(len(rows), width)
+
+
+def _by_name(table: Floats, names: list[str]) -> tuple[Any, Any, Any]:
+    """Return the columns that have names."""
+    points = table[:, [names.index(name) for name in PLACE]]
+    normals = table[:, [names.index(name) for name in NORMAL]] if set(NORMAL) <= set(names) else None
+    label = next((name for name in GRAIN if name in names), None)
+    return points, normals, None if label is None else table[:, names.index(label)]
+
+
+def _by_place(table: Floats, path: Path) -> tuple[Any, Any, Any]:
+    """Return the columns of a table without names, where their numbers leave no doubt."""
+    width = table.shape[1]
+    normals = table[:, 3:6] if width in (6, 7) else None
+    grain = table[:, -1] if width in (4, 7) else None
+    doubt = width not in (3, 4, 6, 7)
+    doubt |= normals is not None and bool((np.abs(np.linalg.norm(normals, axis=1) - 1.0) > UNIT).any())
+    doubt |= grain is not None and bool((grain != np.rint(grain)).any())
+    if doubt:
+        raise FileFormatError(
+            f"{path} has {width} columns without names: after x y z only a normal of length 1 and the whole number of "
+            "a grain are known; name the columns in a first row, such as x,y,z,intensity"
+        )
+    return table[:, :3], normals, grain
+
+
+def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
+    """Return points on the surfaces of all grains in the frame of the container, each with the number of its grain.
+
+    `spacing` is the largest one, in the unit of lengths; default: a tenth of the median diameter. A shape is sampled
+    once, for its largest grain, so smaller grains are covered more finely.
+
+    Raises
+    ------
+    InputError
+        If `spacing` is not above 0.
+    """
+    sizes = np.array([packing.shapes[k].diameter for k in packing.shape_id.tolist()]) * packing.scale
+    wanted = 0.1 * float(np.median(sizes)) if spacing is None and len(sizes) else spacing
+    edge = as_length(1.0 if wanted is None else wanted, "spacing")
+    matrices, points, grains = rotation_matrices(packing.orientation), [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for k, shape in enumerate(packing.shapes):
+        mine = np.flatnonzero(packing.shape_id == k)
+        if not len(mine):
+            continue
+        body = np.asarray(sample_surface(shape, spacing=edge / float(packing.scale[mine].max()), seed=k))
+        placed = np.einsum("gij,pj->gpi", matrices[mine], body) * packing.scale[mine, None, None]
+        points.append((placed + packing.position[mine, None]).reshape(-1, 3))
+        grains.append(np.repeat(mine, len(body)))
+    order = np.argsort(np.concatenate(grains), kind="stable")
+    return Cloud.of(
+        np.concatenate(points)[order], grain=np.concatenate(grains)[order], name="packing", unit=packing.unit
+    )
 
 
 #: function that returns points, normals and grains of a file, by suffix

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import MissingFileError, UnknownNameError
-from voxgran._base.names import unknown
+from voxgran._base.errors import MissingFileError, check_known
 
 #: what the installed package holds, or the checkout beside it; data/SOURCES.md names the origin of each
 DATA_FILES = {
@@ -45,8 +44,7 @@ def data_file(name: str) -> Path:
     'itokawa_lp'
     """
     check_type(name, str, "name", "the name of a file that comes with voxgran, such as 'eros.obj'")
-    if name not in DATA_FILES:
-        raise UnknownNameError(unknown("file of voxgran", name, DATA_FILES))
+    check_known("file of voxgran", name, DATA_FILES)
     place = _place_of(name)
     if place is None:
         raise MissingFileError(

@@ -9,8 +9,7 @@ from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file, output_suffix, unpacked
-from voxgran.containers.make import package_of
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, package_of
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.mercury_files import is_mercury, read_mercury
 from voxgran.io.particles import Particles, packing_of

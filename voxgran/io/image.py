@@ -10,15 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, as_array, as_vector
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown, warn
 from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.units import stated_unit
 from voxgran._base.vtk_data import attach_texts, image_data, write_data
-from voxgran._base.warning import warn
 from voxgran.containers.model import tilt_of
-from voxgran.lattice.blocks import as_block, in_parts, lazy_of, stored
 from voxgran.lattice.grid import check_voxel_size
-from voxgran.lattice.image import as_edges
+from voxgran.lattice.image import as_block, as_edges, in_parts, lazy_of, stored
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.images.image_files import image_library

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn, with_article
 from voxgran._base.units import known_unit, stated_unit
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle

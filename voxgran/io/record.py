@@ -3,6 +3,8 @@
 Arrays carry what must be exact and may be long: poses, mesh vertices and faces, centers and radii. Texts are JSON,
 whose numbers Python writes so that they read back to the same bits: primitives, container, provenance. A container that
 is a closed mesh is kept as one shape more, after those of the grains.
+
+Fields of packings that files of earlier versions hold in their provenance; nothing else reads them there.
 """
 
 import dataclasses
@@ -20,23 +22,20 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
-from voxgran.containers.gravity import as_down
+from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.kinds.mesh import ClosedMesh
-from voxgran.containers.make import make_container, package_of, saved_mapping
+from voxgran.containers.model import Container, make_container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
-from voxgran.io.older import fields_of
 from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, rows_of
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import LatticePoints, Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.sizes import KINDS, make_sizes
+from voxgran.shapes.sizes import KINDS, SizeDistribution, make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.surface import Surface
-from voxgran.shapes.triangles import LatticePoints
 
 #: version of the layout; a reader refuses a higher one. Only packings of several densities need the second, and only
 #: those with meshes whose vertices lie on lattices the third
@@ -345,3 +344,41 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
     corners = as_points(part["points"][:, :2], "vertices", dimension=2)
     x, y = entry["center"]
     return Outline(entry["kind"], float(entry["radius"]), corners, (x, y))
+
+
+def fields_of(provenance: Mapping[str, Any], container: Container, diameters: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """Return gravity, contact gap and asked sizes as keyword arguments of :meth:`voxgran.Packing.of`, from provenance,
+    container and equivalent diameters (n,) of the grains, as measures took them.
+    """
+    stated = _mapping(provenance.get("parameters"))
+    voxel, spacing = stated.get("voxel_size"), stated.get("spacing")
+    gaps = [float(voxel)] if isinstance(voxel, int | float) else []
+    if isinstance(spacing, int | float) and len(diameters):
+        gaps.append(float(spacing) * float(provenance.get("median_diameter", np.median(diameters))))
+    sizes = provenance.get("sizes") or _mapping(provenance.get("asked")).get("sizes")
+    return {
+        "gravity": _gravity(stated.get("gravity"), container),
+        "contact_gap": max([0.0, *gaps]),
+        "asked_sizes": _sizes(sizes),
+    }
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    """Return a mapping, empty in place of anything else."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _sizes(stated: Any) -> SizeDistribution | None:
+    """Return the distribution of a record, None where it is none."""
+    try:
+        return make_sizes(stated) if isinstance(stated, Mapping) else None
+    except InputError:
+        return None
+
+
+def _gravity(stated: Any, container: Container) -> Down | None:
+    """Return the direction of gravity, the usual one where nothing was stated, None where it cannot be."""
+    try:
+        return as_down("down" if stated is None else stated, container)
+    except InputError:
+        return None

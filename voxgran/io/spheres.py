@@ -6,11 +6,9 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError, PackingWarning, with_article
+from voxgran._base.errors import InputError, PackingWarning, warn, with_article
 from voxgran._base.files import written_whole
-from voxgran._base.warning import warn
-from voxgran.containers.make import saved_mapping
-from voxgran.containers.model import tilt_of
+from voxgran.containers.model import saved_mapping, tilt_of
 from voxgran.io.tables import CONTAINER, FIELDS, UNIT
 from voxgran.measures.crossings import spheres_of
 from voxgran.packing.model import Packing

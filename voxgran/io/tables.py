@@ -15,8 +15,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, MissingLibraryError, VoxgranError
 from voxgran._base.guarded import reason_of
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.io.particles import (
     LARGEST_CLUMP,
     SPHERE_RULE,

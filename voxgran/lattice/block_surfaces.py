@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran.lattice.blocks import of_blocks, window
 from voxgran.lattice.census import Census
+from voxgran.lattice.image import of_blocks, window
 from voxgran.lattice.label_seams import Seams
 from voxgran.lattice.label_surfaces import label_surfaces
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
-from voxgran.lattice.blocks import lazy_of, of_blocks
+from voxgran.lattice.image import lazy_of, of_blocks
 
 #: number of voxels in memory at a time
 SLAB = 2**24

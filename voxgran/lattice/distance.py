@@ -21,8 +21,7 @@ from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import block_library, kept, lazy_of, overlapped
-from voxgran.lattice.image import Edges, are_equal, known_edges
+from voxgran.lattice.image import Edges, are_equal, block_library, kept, known_edges, lazy_of, overlapped
 
 #: squared distance without a free voxel; larger than any in an accepted lattice
 NEVER = 2**30

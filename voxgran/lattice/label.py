@@ -13,8 +13,8 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.scalars import whole_number_of
-from voxgran.lattice.blocks import kept, lazy_of, of_blocks
 from voxgran.lattice.distance import as_mask, lazy_mask
+from voxgran.lattice.image import kept, lazy_of, of_blocks
 
 #: number of coordinates in which neighbouring voxels may differ
 _RANKS = {6: 1, 18: 2, 26: 3}

@@ -16,9 +16,8 @@ from voxgran._base.arrays import Booleans, Floats, as_array, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
-from voxgran.lattice.blocks import kept, lazy_of, overlapped, windowed
 from voxgran.lattice.distance import as_mask, distance_transform, lazy_mask
-from voxgran.lattice.image import Edges, Image, are_equal, known_edges
+from voxgran.lattice.image import Edges, Image, are_equal, kept, known_edges, lazy_of, overlapped, windowed
 
 
 @explained(hint="dilation(mask, 3); the radius is in voxels, or a length with voxel_size=")

@@ -13,8 +13,7 @@ from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_count
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import block_library, lazy_of
-from voxgran.lattice.image import Image, known_edges
+from voxgran.lattice.image import Image, block_library, known_edges, lazy_of
 
 #: upper bound of the number of voxels of an image
 MOST_VOXELS = 2**32

@@ -16,7 +16,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.triangles import enclosed_volume
-from voxgran.lattice.blocks import block_library, histogram_of, lazy_of, not_finite, of_blocks
+from voxgran.lattice.image import block_library, histogram_of, lazy_of, not_finite, of_blocks
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4

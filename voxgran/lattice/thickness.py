@@ -18,9 +18,8 @@ from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.progress import Step, repeated
-from voxgran.lattice.blocks import kept, lazy_of, overlapped
 from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform, lazy_mask
-from voxgran.lattice.image import are_equal, known_edges
+from voxgran.lattice.image import are_equal, kept, known_edges, lazy_of, overlapped
 from voxgran.lattice.resample import at_places, resample
 
 #: edge in voxels of boxes that are divided no more

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.errors import UnknownNameError
+from voxgran._base.errors import check_known
 from voxgran._base.lazy import Dataset, DataTree, load
-from voxgran._base.names import unknown
 
 NAME = "voxgran"
 
@@ -55,8 +54,7 @@ class StatisticsAccessor(ExplainedAttributes):
             If there is no number of that name.
         """
         numbers = self.numbers
-        if name not in numbers:
-            raise UnknownNameError(unknown("number", name, numbers))
+        check_known("number", name, numbers)
         attrs = self._variables()[name].attrs
         unit = str(attrs.get("units", "1"))
         value = "not known" if math.isnan(numbers[name]) else f"{numbers[name]:.4g}"

@@ -6,10 +6,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran._base.errors import InputError, PackingWarning, check_known, warn
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import unknown
-from voxgran._base.warning import warn
 from voxgran.measures.model import dataset, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
@@ -119,8 +117,7 @@ def _checked(which: str | Sequence[str] | None) -> list[str]:
     names = [which] if isinstance(which, str) else list(which)
     for name in names:
         check_type(name, str, "which", "a name or a list of names, such as ['sphericity']")
-        if name not in DESCRIPTORS:
-            raise UnknownNameError(unknown("descriptor", name, DESCRIPTORS))
+        check_known("descriptor", name, DESCRIPTORS)
     return names
 
 

@@ -22,12 +22,11 @@ from voxgran.measures.window import ON, Estimate, Solids, images
 from voxgran.packing.model import Packing
 from voxgran.packing.start import free_volume
 from voxgran.shapes.describing.body import as_spheres
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sphere_union import exposed_areas
-from voxgran.shapes.surface import Surface
 
 #: least number of parts of the surface of a grain
 PARTS = 2000

@@ -13,9 +13,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, shown
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, shown, warn
 from voxgran._base.progress import OnStep
-from voxgran._base.warning import warn
 from voxgran.contacts.verify import verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive
@@ -32,8 +31,8 @@ from voxgran.packing.settling_run import (
 )
 from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.compression import TOUCHING, Compressor
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials
+from voxgran.settling.parameters import Compression
 from voxgran.settling.stress_balance import stress_of
 
 #: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, numbered, shown
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, numbered, shown, warn
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import as_density, by_shape, shapes_by_density
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown
+from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown, warn
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
-from voxgran._base.warning import warn
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, refuse_tilt
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -175,7 +174,7 @@ class PackingMethod:
     Attributes
     ----------
     name, summary, source : str
-        Name, one line, and the paper with its DOI.
+        Name, which is that in the table of methods or of the entry point, one line, and the paper with its DOI.
     parameters : type
         Parameter class; it defines TOML keys, flags, help and provenance.
     prepare : callable
@@ -225,7 +224,7 @@ class PackingMethod:
     'random sequential addition of spheres and true shapes: schemes of Chu 2011, or to proven saturation'
     """
 
-    name: str
+    name: str = ""
     summary: str
     source: str
     parameters: type

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import PackingWarning, numbered
-from voxgran._base.warning import warn
+from voxgran._base.errors import PackingWarning, numbered, warn
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import DECIMALS, Problem, too_coarse

@@ -14,13 +14,12 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, shown, warn
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT
-from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container, doubt_about
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.geometry.orientation_laws.law import OrientationLaw

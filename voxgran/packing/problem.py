@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.inside import Occupied
 from voxgran.contacts.verify import verify

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError, PackingWarning, numbered, shown
+from voxgran._base.errors import InputError, PackingWarning, numbered, shown, warn
 from voxgran._base.progress import OnStep
 from voxgran._base.seeds import MOST_SEED
-from voxgran._base.warning import warn
 from voxgran.containers.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -31,9 +30,8 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import begun, finished, moved_alone, no_forces, problem_alone
 from voxgran.packing.start import around_fixed, free_volume
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.settling.parameters import Compression, Lid, Settling, Shaking
 
 
 @explained(hint="settle(packing, friction=0.5)")

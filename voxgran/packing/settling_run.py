@@ -22,11 +22,10 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
 from voxgran.settling.compression import Compressor
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.examination import RESIDUAL, TOUCHING
 from voxgran.settling.materials import Materials, friction_of
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.settling.stages import Settler
 
 #: what moves the grains of a run, step by step

@@ -29,7 +29,7 @@ from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.given import Given
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import given
-from voxgran.shapes.describing.principal_axis import body_axes
+from voxgran.shapes.describing.extents import body_axes
 from voxgran.shapes.model import Shape
 
 #: under which name a packing without its fixed grains keeps these

@@ -10,10 +10,9 @@ from voxgran._base.arrays import Floats, Integers, as_length
 from voxgran._base.errors import InputError
 from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface
 from voxgran.shapes.finer import onto_surface
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.surface import Surface
 
 #: smallest angle between the normals of two triangles, in radians, at a sharp edge
 SHARP = np.deg2rad(25.0)

@@ -22,8 +22,7 @@ from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
 from voxgran.report.figures import curves_of
 from voxgran.report.groups import Group, compared, distributions, groups_of
-from voxgran.report.numbers import json_text, table_files
-from voxgran.report.page import check_page_path, page_template, view_of
+from voxgran.report.page import check_page_path, json_text, page_template, table_files, view_of
 from voxgran.report.significance import LEVEL, p_text
 from voxgran.report.view import views_of
 

@@ -10,8 +10,7 @@ from voxgran.contacts.forces import chain_ends
 from voxgran.containers.model import periods_of
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
-from voxgran.report.colors import Coloring
-from voxgran.report.legend import legend_of
+from voxgran.report.colors import Coloring, legend_of
 from voxgran.report.stage import MATERIAL, Picture, add_container, add_outlines, add_scale_bar, look_at, shot, stage_of
 
 #: colours from weak to strong forces; the weakest differ from the background

@@ -11,11 +11,10 @@ from voxgran._base.arrays import as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.model import Clump
-from voxgran.report.colors import Coloring
+from voxgran.report.colors import Coloring, legend_of
 from voxgran.report.creases import creased, shaded, surface_of
-from voxgran.report.legend import legend_of
 from voxgran.report.scenes import FEWEST_FACES, GRAIN_COLOR, SMOOTH, TRIANGLE_BUDGET, drawn_surface
 from voxgran.report.stage import (
     MATERIAL,

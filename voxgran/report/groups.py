@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, warn
 from voxgran._base.lazy import DataTree
 from voxgran._base.units import NO_UNIT
-from voxgran._base.warning import warn
 from voxgran.measures.model import measure
 from voxgran.measures.registered.coordination import coordination_number, usual_gap
 from voxgran.packing.model import Packing, check_packing

@@ -2,12 +2,17 @@
 
 Pictures and plots are embedded in the file, which loads no other resource and adapts to light and dark backgrounds and
 to wide and narrow windows.
+
+Machine-readable contents of a page: all its numbers as JSON.
 """
 
 import base64
+import csv
+import dataclasses
+import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,14 +25,15 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import DataTree, load
+from voxgran._base.scalars import finite
 from voxgran.contacts.verify import Verification
+from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
-from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import OF_FORCES, Coloring, coloring, gradient, swatches
-from voxgran.report.figures import figures_of
+from voxgran.report.figures import Figure, figures_of
 from voxgran.report.force_chains import picture_forces
-from voxgran.report.numbers import json_text, page_numbers, table_files
+from voxgran.report.scenes import picture_contacts
 from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
 from voxgran.report.view import views_of
@@ -333,3 +339,59 @@ def _comparison(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     columns = [c for c in columns if any(c in row and row[c] != name for name, row in rows.items())]
     body = [[name, *(facts.number(row[c]) if c in row else "" for c in columns)] for name, row in rows.items()]
     return [["packing", *(c.replace("_", " ") for c in columns)], *body] if rows else []
+
+
+def page_numbers(
+    packing: Packing, statistics: "DataTree | None", verification: "Verification | None", *, figures: Sequence[Figure]
+) -> dict[str, Any]:
+    """Return every number of a page, JSON-able."""
+    scalars = {}
+    if statistics is not None:
+        for name, value in statistics.data_vars.items():
+            if not value.ndim and value.dtype.kind in "biuf":
+                scalars[str(name)] = {"value": value.item(), **{k: str(v) for k, v in value.attrs.items()}}
+    return {
+        "voxgran": __version__,
+        "count": packing.count,
+        **main_numbers(packing, statistics),
+        "stop_reason": packing.stop_reason,
+        "unit": packing.unit,
+        "density": packing.density,
+        "diameter": _spread(packing),
+        "statistics": scalars,
+        "verification": None if verification is None else dataclasses.asdict(verification),
+        "figures": {figure.name: figure.numbers for figure in figures},
+        "shapes": [
+            {"name": name, "geometry": kind, "grains": grains, "share": share}
+            for name, kind, grains, share in facts.shape_rows(packing)
+        ],
+        "provenance": dict(packing.provenance),
+    }
+
+
+def json_text(value: Any) -> str:
+    """Return a value as JSON text; numbers that are not finite become null, as JSON cannot represent them."""
+    return json.dumps(finite(value), indent=1, default=str, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _spread(packing: Packing) -> dict[str, float | None]:
+    """Return smallest, median and largest equivalent diameter."""
+    if not packing.count:
+        return {"least": None, "median": None, "largest": None}
+    low, middle, high = (float(value) for value in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
+    return {"least": low, "median": middle, "largest": high}
+
+
+def table_files(page: Path, tables: Mapping[str, Iterable[Sequence[str]]]) -> dict[Path, str]:
+    """Return tables by their names as CSV files beside a page, ``page_NAME.csv``; empty tables have none.
+
+    Numbers are those of the page, with the minus sign and without the spaces of thousands that programs read.
+    """
+    files = {}
+    for name, rows in tables.items():
+        out = io.StringIO()
+        plain = [[text.replace("\u2212", "-").replace("\u202f", "") for text in row] for row in rows]
+        csv.writer(out, lineterminator="\n").writerows(plain)
+        if plain:
+            files[page.with_name(f"{page.stem}_{name}.csv")] = out.getvalue()
+    return files

@@ -11,7 +11,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import lazy_of
+from voxgran.lattice.image import lazy_of
 from voxgran.lattice.segment import Segmentation
 from voxgran.report.plots import DISTINCT
 from voxgran.report.stage import check_picture_path

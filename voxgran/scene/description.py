@@ -9,23 +9,23 @@ from typing import Any, Literal, Self
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_share, check_type
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, check_known
 from voxgran._base.files import existing_file
-from voxgran._base.names import unknown
 from voxgran.contacts.assembly import NOT_STATED
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import compress_section, measure_section, settle_section
 from voxgran.scene.checked_sections import (
+    compress_section,
     general_section,
+    measure_section,
     read_toml,
     refuse_engines,
     section_of,
+    settle_section,
     share_by_of,
     with_file,
 )
@@ -47,10 +47,9 @@ from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknow
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.twins.section import TwinEntry, twin_scene
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 SECTIONS = (
@@ -382,8 +381,7 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
     mistakes = Mistakes()
     for name in mapping:
         with mistakes.part():
-            if name not in SECTIONS:
-                raise UnknownNameError(unknown("section", name, SECTIONS))
+            check_known("section", name, SECTIONS)
             if name not in ("shape", "layer", "obstacle") and not (
                 name == "material" and isinstance(mapping[name], list) and mapping[name]
             ):

@@ -10,9 +10,8 @@ from typing import Any, Literal
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
 from voxgran._base.calls import removal_of
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shortened, shown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest, shortened, shown, unknown
 from voxgran._base.files import existing_file
-from voxgran._base.names import nearest, unknown
 from voxgran._base.seeds import stream
 from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump, record_of
@@ -184,8 +183,7 @@ def _of_file(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> S
     for key, value in rest.items():
         if key == "count":
             raise InputError("[[shape]] has a file and count: a file is one shape; say in [packing] how many grains")
-        if key not in FILE_KEYS:
-            raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
+        check_known("[[shape]] key", key, FILE_KEYS)
         if key == "unit":
             as_unit(value, "[[shape]] unit")
         elif not isinstance(value, bool):

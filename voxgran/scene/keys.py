@@ -10,12 +10,10 @@ from typing import Any, Literal
 
 from voxgran._base.calls import removal_of
 from voxgran._base.config import parameter, parameter_class, parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, unknown
 from voxgran.scene.sections import General, Output
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 
 
 @parameter_class

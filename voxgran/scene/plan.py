@@ -20,21 +20,19 @@ from voxgran.packing.pack import prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.entries import REMEDIES, ShapeEntry
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_text
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Compression, Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
 from voxgran.shapes.size_laws.plan import MOST_PLANNED, SizePlan, plan_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.surface import Surface
 
 #: folder of the input of engines
 DECKS = "dem"

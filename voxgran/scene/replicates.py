@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
+from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning, warn
 from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import DataTree, load
 from voxgran._base.progress import OnStep, Step
-from voxgran._base.warning import warn
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.driver import Recorder

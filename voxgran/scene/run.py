@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.checkpoint import remove_checkpoint
-from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning
+from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning, warn
 from voxgran._base.files import as_path, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import DataTree, loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step, repeated
-from voxgran._base.warning import warn
 from voxgran.contacts.verify import Verification, verify
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.write import Deck, write_deck
@@ -32,7 +31,7 @@ from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
-from voxgran.scene.afterwards import compressed
+from voxgran.scene.checked_sections import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import DECKS, Plan, make_plan
 from voxgran.shapes.model import Shape

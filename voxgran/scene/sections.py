@@ -2,8 +2,7 @@
 
 from voxgran._base.arrays import as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
-from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, check_known
 from voxgran.decks.engine import engine_registry
 
 
@@ -74,5 +73,4 @@ class Output:
         # what is installed is looked up only where engines are named: that takes longer than all else of a scene
         known = engine_registry().names() if self.dem else ()
         for name in self.dem:
-            if name not in known:
-                raise UnknownNameError(unknown("[output] dem engine", name, known))
+            check_known("[output] dem engine", name, known)

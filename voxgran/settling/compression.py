@@ -32,9 +32,9 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import stretched
 from voxgran.settling.bed import Bed
-from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_of, friction_range
+from voxgran.settling.parameters import Compression
 from voxgran.settling.parting import close_round, part_grains
 from voxgran.settling.progress import Resumable
 from voxgran.settling.quasi_static import KEPT, TRIANGLES

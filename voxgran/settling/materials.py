@@ -13,8 +13,7 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import from_mapping, parameter
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import Boundary, boundary_of
 from voxgran.geometry.walls import Round
@@ -207,8 +206,7 @@ class Materials(ExplainedAttributes):
             where = f"pair {low!r} and {high!r}"
             check_type(values, Mapping, where, "a mapping of properties, such as {'friction': 0.2}")
             for key in values:
-                if key not in OF_PAIRS:
-                    raise UnknownNameError(unknown(f"property of {where}", key, OF_PAIRS))
+                check_known(f"property of {where}", key, OF_PAIRS)
             if high in made.setdefault(low, {}):
                 raise InputError(f"{where} is given twice: contacts have one friction either way; leave one out")
             # a law that takes all of them checks types and ranges

@@ -9,16 +9,15 @@ import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive, check_lengths
 from voxgran._base.calls import explained
-from voxgran._base.config import document, parameters_of, to_mapping
+from voxgran._base.config import document, parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Parameters, Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.generating.ranges import drawn
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Kind, Primitive
-from voxgran.shapes.surface import Surface
 
 #: most shapes that are made at a time
 MOST_SHAPES = 1_000_000
@@ -31,7 +30,7 @@ class ShapeFamily:
     Attributes
     ----------
     name, summary : str
-        Name, and description in one line.
+        Name, which is that of the file or entry point, and description in one line.
     parameters : type
         Parameter class, from which TOML keys, flags, help and provenance are derived.
     make : callable
@@ -48,7 +47,7 @@ class ShapeFamily:
         Libraries that making a shape loads beside NumPy and SciPy.
     """
 
-    name: str
+    name: str = ""
     summary: str
     parameters: type
     make: Callable[[Any, np.random.Generator], Shape]
@@ -57,6 +56,19 @@ class ShapeFamily:
     random: bool = False
     is_open: bool = False
     libraries: tuple[str, ...] = ()
+
+
+@parameter_class
+class Sized:
+    """Parameters of families whose shapes are made of any size.
+
+    Parameters
+    ----------
+    diameter
+        equivalent diameter; default: 1.
+    """
+
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
 
 def families() -> Registry[ShapeFamily]:
@@ -109,7 +121,8 @@ def family_function(name: str) -> Callable[..., Shape]:
     rest = (entry.parameters.__doc__ or "").partition("\n\n")[2]
     make.__doc__ = f"Make a shape: {entry.summary}.\n\n{rest}"
     seeds = [parameter for parameter in inspect.signature(make).parameters.values() if parameter.name == "seed"]
-    keywords = inspect.signature(entry.parameters).parameters.values()
+    own = inspect.signature(entry.parameters).parameters
+    keywords = [own[item.name] for item in parameters_of(entry.parameters)]
     made: Any = make
     made.__signature__ = inspect.Signature([*keywords, *(seeds if entry.random else ())], return_annotation=Shape)
     return make
@@ -233,7 +246,8 @@ def _with_drawn_values(
     name, given = family, dict(parameters)
     if not isinstance(family, str):
         name = next((key for key in families().names() if type(family) is families().get(key).parameters), "")
-        given = to_mapping(family) if name and not parameters else {}
+        values = to_mapping(family) if name and not parameters else {}
+        given = {item.name: values[item.name] for item in parameters_of(type(family)) if values}
     if not given or not isinstance(name, str):
         return family, dict(parameters)
     values = drawn(families().get(name).parameters, given, stream(seed, f"shape {name} values"), where=name)

@@ -9,11 +9,10 @@ from voxgran._base.errors import InputError, shown
 from voxgran._base.files import as_path, output_suffix, unpacked, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES, is_spheres, read_spheres, write_spheres
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface, refuse_unfit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies, as_solid, merged
 from voxgran.shapes.repairing.repair import repaired
-from voxgran.shapes.surface import Surface, refuse_unfit
 
 #: of `load_shape`
 LOADING = Remedies(

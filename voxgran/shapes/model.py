@@ -25,11 +25,10 @@ from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.describing.body import Body, Geometry
 from voxgran.shapes.generating.record import Record
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface, refuse_unfit
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import as_solid, merged
-from voxgran.shapes.surface import Surface, refuse_unfit
 
 
 @explained_methods

@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran.shapes.triangles import Moments
+from voxgran.shapes.mesh import Moments
 
 #: number of sides of the polygon that represents a disk in pictures and files
 SIDES = 96

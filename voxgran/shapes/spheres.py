@@ -22,9 +22,9 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.shapes.boolean import united
+from voxgran.shapes.mesh import Moments
 from voxgran.shapes.sphere_union import contained, union_moments
 from voxgran.shapes.tessellate import sphere
-from voxgran.shapes.triangles import Moments
 
 #: largest number of triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000

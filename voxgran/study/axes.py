@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import nearest, unknown
+from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown
 from voxgran._base.scalars import nested, unwrapped
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SECTIONS

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.errors import InputError, check_known, shown
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.missed import STOPPED
 from voxgran.report.significance import EQUAL, all_equal
@@ -70,8 +69,7 @@ def values_of(dataset: "Dataset", variable: str) -> Floats:
         If the study has no numbers of that name; the message gives the nearest one.
     """
     known = numbers_of(dataset)
-    if variable not in known:
-        raise UnknownNameError(unknown("variable", variable, known))
+    check_known("variable", variable, known)
     dims = (*dimensions_of_cells(dataset), SEED)
     ordered = dataset[variable].transpose(*dims).values.astype(np.float64)
     values: Floats = ordered.reshape(-1, dataset.sizes[SEED])

@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, shortened, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, VoxgranError, check_known, shortened, shown
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
@@ -161,8 +160,7 @@ def _groups(axes: tuple[str, ...], combine: str, zipped: Sequence[Sequence[str]]
                 f'zip has the entry {shown(group)}: it must be a list of axes, such as zip = [["method", "shape"]]'
             )
         for axis in group:
-            if axis not in axes:
-                raise UnknownNameError(unknown("zip: axis", axis, axes))
+            check_known("zip: axis", axis, axes)
             if len(of_axis[axis]) > 1:
                 raise InputError(f"zip names axis {axis} twice: an axis is in one group; drop one of them")
             of_axis[axis] = tuple(group)

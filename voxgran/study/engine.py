@@ -1,25 +1,29 @@
-"""Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
+"""Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered.
+
+The folder of a study: one file for each run that is finished, under the hash of its scene, written whole.
+"""
 
 import contextlib
+import hashlib
+import json
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
 from voxgran._base.cluster import address_of
-from voxgran._base.errors import InputError, Interrupted, LongRunWarning, PackingWarning, shown
-from voxgran._base.files import made_folder, remove_drafts_in
+from voxgran._base.errors import InputError, Interrupted, LongRunWarning, OutputExistsError, PackingWarning, shown, warn
+from voxgran._base.files import made_folder, remove_drafts_in, write_text, written_whole
 from voxgran._base.lazy import load
+from voxgran._base.lock import FOLDER_LOCK
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
-from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
-from voxgran.study.checkpoints import marked, seconds_before
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.durations import SPREAD, Durations, Kind, told_duration
 from voxgran.study.executor import Executor
@@ -27,9 +31,8 @@ from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds, told_values
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
-from voxgran.study.runs import Record, Run
+from voxgran.study.runs import Record, Run, from_text, marked, seconds_before, to_text
 from voxgran.study.settings import StudySettings
-from voxgran.study.store import CELLS, CHECKPOINTS, Store
 
 #: share of the memory of the machine that processes may take
 MEMORY_SHARE = 0.8
@@ -87,6 +90,67 @@ def memory_bytes(given: int | str | None) -> int:
     if isinstance(given, bool) or not number >= 1:
         raise InputError(f"memory is {shown(given)}: it must be bytes, a text such as '8 GB', or a share such as '50%'")
     return int(number)
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """The finished runs in a folder; `packings` is whether their packings are kept too."""
+
+    folder: Path
+    packings: bool = False
+
+    def path(self, key: str) -> Path:
+        """Return the file of a run."""
+        return self.folder / CELLS / f"{key}.json"
+
+    def packing(self, key: str) -> Path:
+        """Return the file of the packing of a run."""
+        return self.folder / CELLS / f"{key}.vtp"
+
+    def checkpoint(self, key: str) -> Path:
+        """Return the file of the checkpoint of a run."""
+        return self.folder / CHECKPOINTS / f"{key}.voxgran"
+
+    def read(self, key: str) -> Record | None:
+        """Return what a run has left; None where it is not finished, its file is damaged or its packing is missing."""
+        try:
+            seal, _, text = self.path(key).read_text(encoding="utf-8").partition("\n")
+            record = from_text(text) if seal == _seal(text) else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        if record is None or (self.packings and not record.failure and not self.packing(key).is_file()):
+            return None
+        return record
+
+    def write(self, run: Run, record: Record, values: Mapping[str, Any], packing: bytes = b"") -> None:
+        """Write what a run has left, with what its values are called, and its packing where it is given as bytes.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        if packing:
+            with written_whole(self.packing(run.key)) as draft:
+                draft.write_bytes(packing)
+        text = to_text(record, {"values": dict(values), "seed": run.seed, "scene": run.mapping})
+        # a file that a power cut has damaged is found by its seal, and the run computed again
+        write_text(self.path(run.key), f"{_seal(text)}\n{text}", sync=False)
+
+    def refuse_other(self) -> None:
+        """Refuse a folder that holds something and no study.
+
+        Raises
+        ------
+        OutputExistsError
+            If it does.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise OutputExistsError(f"{self.folder} is a file: a study needs a folder; name another")
+        if not self.folder.is_dir() or (self.folder / CELLS).is_dir():
+            return
+        if any(entry.name != FOLDER_LOCK for entry in self.folder.iterdir()):
+            raise OutputExistsError(f"{self.folder} holds something else than a study: name another folder")
 
 
 def planned(settings: StudySettings, store: Store) -> StudyPlan:
@@ -347,3 +411,14 @@ class _Work:
         return (
             f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
         )
+
+
+#: folder of the finished runs
+CELLS = "cells"
+#: folder of the checkpoints of runs that are not finished
+CHECKPOINTS = "checkpoints"
+
+
+def _seal(text: str) -> str:
+    """Return the first line of a file, by which damage is found; it is JSON, too."""
+    return json.dumps({"sha256": hashlib.sha256(text.encode()).hexdigest()})

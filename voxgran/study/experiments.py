@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.arrays import as_number
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
+from voxgran._base.errors import InputError, check_known, shown
 
 KEYS = ("low", "high", "source")
 
@@ -68,8 +67,7 @@ def _band(label: str, given: Any) -> Band:
     where = f"[experiments] {label}"
     if isinstance(given, Mapping):
         for key in given:
-            if key not in KEYS:
-                raise UnknownNameError(unknown(f"key of {where}", key, KEYS))
+            check_known(f"key of {where}", key, KEYS)
         table = dict(given)
     elif isinstance(given, Sequence) and not isinstance(given, str) and 2 <= len(given) <= len(KEYS):
         table = dict(zip(KEYS, given, strict=False))
@@ -103,5 +101,4 @@ def check_labels(bands: Iterable[Band], labels: Iterable[str]) -> None:
     """
     known = tuple(labels)
     for band in bands:
-        if band.label not in known:
-            raise UnknownNameError(unknown("label of [experiments]", band.label, known))
+        check_known("label of [experiments]", band.label, known)

@@ -1,7 +1,13 @@
-"""Page of a study: figures, cells and comparisons in one self-contained HTML file, and the same numbers as csv."""
+"""Page of a study: figures, cells and comparisons in one self-contained HTML file, and the same numbers as csv.
 
+Table of the cells of a study: one row for each cell, with means, errors and intervals of all its numbers.
+"""
+
+import csv
+import io
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,16 +17,14 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
-from voxgran._base.errors import UnknownNameError
+from voxgran._base.errors import check_known
 from voxgran._base.files import as_path, write_files
 from voxgran._base.lazy import Dataset
-from voxgran._base.names import unknown
 from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure
 from voxgran.report.page import page_template
 from voxgran.report.significance import LEVEL, p_text
-from voxgran.study.cell_rows import cell_rows, csv_text
 from voxgran.study.cell_values import (
     DENSITIES,
     FAILURE,
@@ -30,7 +34,9 @@ from voxgran.study.cell_values import (
     WARNED,
     WARNINGS,
     axes_of,
+    is_full,
     is_own,
+    labels_of,
     main_variable,
     numbers_of,
     text_of,
@@ -44,7 +50,7 @@ from voxgran.study.cell_values import (
 from voxgran.study.comparisons import compare, compared_axis
 from voxgran.study.experiments import bands_of
 from voxgran.study.figures import figures_of
-from voxgran.study.statistics import LEAST_FOR_BOOTSTRAP, Interval
+from voxgran.study.statistics import LEAST_FOR_BOOTSTRAP, Interval, summary
 
 PAGE, CELLS_TABLE, COMPARISONS_TABLE = "study.html", "cells.csv", "comparisons.csv"
 #: numbers that are compared and listed, where a study has them; of the densities there are figures
@@ -132,8 +138,7 @@ def write_study_page(
     as_choice(interval, "interval", get_args(Interval))
     known = numbers_of(dataset)
     for name in variables or ():
-        if name not in known:
-            raise UnknownNameError(unknown("variable", name, known))
+        check_known("variable", name, known)
     axis = over or compared_axis(dataset)
     chosen = list(variables) if variables is not None else _chosen(dataset)
     compared = [name for name in chosen if name not in MACHINE]
@@ -338,3 +343,64 @@ def _short(rows: list[list[str]], notes: list[str], file: str) -> list[list[str]
     if len(rows) > MOST_ROWS:
         notes.append(f"The first {MOST_ROWS} of {len(rows)} rows; all are in {file}.")
     return rows[:MOST_ROWS]
+
+
+def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interval = "auto") -> list[dict[str, Any]]:
+    """Return one row for each cell of a study.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        That of a study, with the dimension ``seed``.
+    confidence, interval : float, str
+        Those of :func:`voxgran.study.statistics.summary`.
+
+    Returns
+    -------
+    list of dict
+        The values of the axes; `runs`, `failures` and the sentences on these, `failure`; how many runs ended `full`,
+        with fewer grains than asked for since no other had room; how many runs `warned`; and
+        for each number of the study its mean under its own name, and with the endings ``_standard_error``, ``_low``,
+        ``_high`` (limits of the confidence interval) and ``_count`` (number of values).
+
+    Raises
+    ------
+    InputError
+        If it is no dataset of a study, or `confidence` or `interval` breaks a rule.
+    """
+    rows: list[dict[str, Any]] = []
+    texts = [texts_of(dataset, name) for name in (FAILURE, WARNINGS)]
+    for labels, sentences, warned in zip(labels_of(dataset), *texts, strict=True):
+        told = Counter(text for text in sentences if text)
+        failure = "; ".join(text if count == 1 else f"{count} times: {text}" for text, count in told.items())
+        counts = {FULL: sum(map(is_full, warned)), WARNED: sum(map(bool, warned))}
+        rows.append({**labels, "runs": len(sentences), "failures": told.total(), "failure": failure, **counts})
+    endings = {
+        "": "mean",
+        "_standard_error": "standard_error",
+        "_low": "confidence_low",
+        "_high": "confidence_high",
+        "_count": "count",
+    }
+    for name in numbers_of(dataset):
+        found = summary(dataset, name, confidence=confidence, interval=interval)
+        for ending, column in endings.items():
+            for row, value in zip(rows, found[column].values.ravel(), strict=True):
+                row[f"{name}{ending}"] = value.item()
+    return rows
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows as the text of a csv file: all columns of all rows, numbers with all digits, NaN as
+    an empty field.
+    """
+    out = io.StringIO()
+    writer = csv.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: "" if _unknown(value) else value for name, value in row.items()} for row in rows)
+    return out.getvalue()
+
+
+def _unknown(value: Any) -> bool:
+    """Return whether a value is NaN."""
+    return isinstance(value, float) and math.isnan(value)

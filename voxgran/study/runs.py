@@ -1,30 +1,38 @@
-"""One run of a study, a cell with a seed: what is asked for, how it is computed, and what it leaves."""
+"""One run of a study, a cell with a seed: what is asked for, how it is computed, and what it leaves.
 
+Checkpoints of runs of a study: a run that was ended with its process goes on from its last one.
+"""
+
+import contextlib
 import json
 import logging
+import os
 import resource
+import socket
 import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from voxgran import __version__
-from voxgran._base.errors import LongRunWarning, VoxgranError
+from voxgran._base.checkpoint import remove_checkpoint
+from voxgran._base.errors import CheckpointError, InUseError, LongRunWarning, OutputError, VoxgranError
+from voxgran._base.files import made_folder, write_text
 from voxgran._base.lazy import counting_preparation
 from voxgran._base.machine import forget_peak, peak_memory
-from voxgran._base.progress import silent
+from voxgran._base.progress import Step, silent
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import compressed
+from voxgran.scene.checked_sections import compressed
 from voxgran.scene.description import SceneDescription
+from voxgran.scene.run import pack_scene
 from voxgran.shapes.model import Shape
-from voxgran.study.checkpoints import Checkpoint, is_seen
 from voxgran.study.files import refuse_changed
 
 LOG = logging.getLogger(__name__)
@@ -231,3 +239,115 @@ def _seconds() -> float:
         return time.thread_time()
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + used.ru_utime + used.ru_stime
+
+
+#: file in the folder of checkpoints by which a worker on another machine finds that it sees the same folder
+MARK = "study"
+
+
+@contextlib.contextmanager
+def marked(folder: Path) -> Iterator[str]:
+    """Yield a text that is in a file of the folder of checkpoints as long as the study runs (context manager).
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    mark = f"{socket.gethostname()} {os.getpid()} {time.time_ns()}"
+    write_text(made_folder(folder) / MARK, mark)
+    try:
+        yield mark
+    finally:
+        if is_seen(str(folder / "any"), mark):
+            with contextlib.suppress(OSError):
+                (folder / MARK).unlink()
+
+
+def is_seen(checkpoint: str, mark: str) -> bool:
+    """Return whether this machine sees the folder of a checkpoint that has this mark, and may write there."""
+    folder = Path(checkpoint).parent
+    try:
+        return (folder / MARK).read_text(encoding="utf-8") == mark and os.access(folder, os.W_OK)
+    except (OSError, ValueError):
+        return False
+
+
+def seconds_before(checkpoint: str) -> float:
+    """Return the CPU time that led to a checkpoint, 0 where there is none."""
+    if os.path.exists(checkpoint):
+        with contextlib.suppress(OSError, ValueError):
+            return float(_clock(checkpoint).read_text(encoding="ascii"))
+    return 0.0
+
+
+def _clock(checkpoint: str) -> Path:
+    """Return the file beside a checkpoint that holds the CPU time."""
+    return Path(f"{checkpoint}.seconds")
+
+
+class Checkpoint:
+    """The checkpoint of a run, and beside it the CPU time that led to it.
+
+    Parameters
+    ----------
+    file : str
+        Path of the checkpoint; empty where the run is always begun anew.
+    seconds : callable
+        Returns the CPU time of the run so far, without that before the checkpoint.
+    """
+
+    def __init__(self, file: str, seconds: Callable[[], float]) -> None:
+        self._file, self._seconds = file, seconds
+        self._stamp = self._written()
+        #: CPU time that led to the checkpoint from which the run goes on
+        self.before = seconds_before(file)
+
+    def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
+        """Pack a scene, from its checkpoint where there is one that belongs to it; layers always anew.
+
+        Parameters
+        ----------
+        scene : SceneDescription
+            The scene.
+        shapes : tuple of Shape
+            Its shapes.
+        """
+        if not self._file or scene.layers:
+            return pack_scene(scene, shapes)
+        kept: dict[str, Any] = {"checkpoint": Path(self._file), "resume": True, "on_step": self._note}
+        try:
+            try:
+                return pack_scene(scene, shapes, **kept)
+            except CheckpointError:
+                # damaged, or of another version
+                self.remove()
+                self.before = 0.0
+                return pack_scene(scene, shapes, **kept)
+        except (CheckpointError, InUseError, OutputError):
+            # the disk is full, another worker still computes this run, or another file lies there: that stays
+            self._file, self.before = "", 0.0
+            return pack_scene(scene, shapes)
+
+    def remove(self) -> None:
+        """Remove the checkpoint of a finished run."""
+        if self._file:
+            with contextlib.suppress(OSError, ValueError):
+                remove_checkpoint(self._file)
+                # what holds no number is another file
+                float(_clock(self._file).read_text(encoding="ascii"))
+                _clock(self._file).unlink()
+
+    def _note(self, step: Step) -> None:
+        """Write the CPU time when a checkpoint has been written since the last step."""
+        del step
+        stamp = self._written()
+        if stamp != self._stamp:
+            self._stamp = stamp
+            write_text(_clock(self._file), str(self.before + self._seconds()), sync=False)
+
+    def _written(self) -> int:
+        """Return when the checkpoint was written, 0 where there is none."""
+        with contextlib.suppress(OSError):
+            return os.stat(self._file).st_mtime_ns
+        return 0

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count, check_type
-from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
 from voxgran._base.files import existing_file
-from voxgran._base.names import unknown
 from voxgran.scene.checked_sections import read_toml
 from voxgran.scene.description import SECTIONS, SceneDescription
 from voxgran.study.axes import LISTS, plain
@@ -178,8 +177,7 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
             f"base is {shown(base)}: it must be a scene, a mapping of its sections or the path of its file"
         )
     for name in mapping:
-        if name not in SECTIONS:
-            raise UnknownNameError(unknown("section of the base", name, SECTIONS))
+        check_known("section of the base", name, SECTIONS)
         if name != "shape" and not (name in LISTS and isinstance(mapping[name], list)):
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"

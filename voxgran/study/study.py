@@ -12,11 +12,10 @@ from voxgran._base.files import as_path
 from voxgran._base.progress import OnStep
 from voxgran.scene.description import SceneDescription
 from voxgran.study.cells import Cell
-from voxgran.study.engine import Options, planned, run_study
+from voxgran.study.engine import Options, Store, planned, run_study
 from voxgran.study.plan import StudyPlan
 from voxgran.study.result import StudyResult
 from voxgran.study.settings import make_settings, settings_of_file
-from voxgran.study.store import Store
 
 
 @explained_methods

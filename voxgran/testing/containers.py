@@ -11,8 +11,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.verify import verify
-from voxgran.containers.make import make_container
-from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
+from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container, make_container
 from voxgran.io.files import load, save
 from voxgran.packing.method import packing_methods
 from voxgran.packing.pack import pack

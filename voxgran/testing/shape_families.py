@@ -8,9 +8,9 @@ import pytest
 
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran.shapes.family import ShapeFamily, families, make_shape
+from voxgran.shapes.mesh import refuse_unfit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import refuse_dirty
-from voxgran.shapes.surface import refuse_unfit
 
 
 class ShapeFamilySuite:

@@ -26,9 +26,8 @@ from voxgran._base.arrays import (
 )
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
-from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
+from voxgran._base.errors import InputError, TooLargeError, UnknownNameError, unknown
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
-from voxgran._base.names import unknown
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
-from voxgran._base.warning import warn
+from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError, warn
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import components
 from voxgran.lattice.packed import PackedMask

@@ -9,8 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.calls import explained, renamed
-from voxgran._base.errors import CallError, InputError, UnknownNameError
-from voxgran._base.names import nearest
+from voxgran._base.errors import CallError, InputError, UnknownNameError, nearest
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
 BED = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)])

@@ -15,10 +15,10 @@ import pytest
 from kit import Forked
 
 import voxgran as vg
+from voxgran._base.errors import unknown
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
 from voxgran._base.lazy import load
-from voxgran._base.names import unknown
 from voxgran._base.registry import Registry
 
 

@@ -17,8 +17,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base import ExplainedAttributes
-from voxgran._base.errors import CallError, InputError, UnknownNameError, VoxgranError
-from voxgran._base.names import nearest, nearest_word
+from voxgran._base.errors import CallError, InputError, UnknownNameError, VoxgranError, nearest, nearest_word
 from voxgran._base.units import as_unit
 from voxgran.shapes.images.image_files import Image
 

@@ -8,7 +8,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.app import forms
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.packing.method import method_registry
 from voxgran.scene.checked_sections import read_toml
 from voxgran.shapes.family import families

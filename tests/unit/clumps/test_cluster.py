@@ -4,7 +4,7 @@ from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.methods.cluster import CELL, SPACING, Cluster, _choose_merged, _lattice_points, fit
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
+from voxgran.clumps.method import Body
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 

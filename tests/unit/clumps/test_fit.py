@@ -113,8 +113,8 @@ def test_voxels_give_nearly_the_clump_of_the_mesh(eros, fifty, resolution, loss)
     assert clump.count == 50
     assert clump.shape.volume == pytest.approx(voxels.volume, rel=0.01)
     # judged against the mesh, in the frame of the voxels
-    from voxgran.clumps.body import Body
     from voxgran.clumps.errors import clump_errors
+    from voxgran.clumps.method import Body
 
     centers = (clump.centers + np.array(clump.shape.offset)) / eros.diameter
     errors = clump_errors(Body(eros), Spheres(centers, clump.radii / eros.diameter))

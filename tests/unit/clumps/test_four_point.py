@@ -3,7 +3,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.methods.four_point import FourPoint, _fitted, _through_four, fit
 from voxgran.clumps.sphere_sets import SphereSet
 

@@ -3,7 +3,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.methods.inner_normal import InnerNormal, _chosen, fit
 
 

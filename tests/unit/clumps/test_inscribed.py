@@ -3,7 +3,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.clumps.body import Body
+from voxgran.clumps.method import Body
 from voxgran.clumps.methods.inscribed import SLACK, Inscribed, _choose, _maximal, _refined, fit
 from voxgran.lattice.distance import inside_distance
 from voxgran.shapes.model import Shape

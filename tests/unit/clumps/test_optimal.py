@@ -6,9 +6,9 @@ from kit import slow
 
 import voxgran as vg
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
 from voxgran.clumps.covering import covering_growth, enclosed_holes
 from voxgran.clumps.fit import fit_clump
+from voxgran.clumps.method import Body
 from voxgran.clumps.sphere_sets import (
     INSIDE,
     SURFACE,

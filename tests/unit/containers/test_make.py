@@ -11,8 +11,7 @@ from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.polygon import Polygon
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.kinds.sphere import Sphere
-from voxgran.containers.make import container_registry, make_container
-from voxgran.containers.model import boundary_of
+from voxgran.containers.model import boundary_of, container_registry, make_container
 from voxgran.shapes.model import Shape
 
 CONTAINERS = [

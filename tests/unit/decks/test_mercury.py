@@ -11,9 +11,8 @@ from engine_cases import assert_holds, mixed, rocks, sand_and_steel, spheres
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.engine import Held
+from voxgran.decks.engine import Held, program_part
 from voxgran.decks.engines import mercury
-from voxgran.decks.text import program_part
 
 HERTZ = {"law": "hertz", "young_modulus": 1e8, "restitution": 0.6}
 

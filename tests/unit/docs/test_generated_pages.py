@@ -15,7 +15,7 @@ import voxgran as vg
 from voxgran._base.config import parameters_of
 from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.fit import TARGETS
-from voxgran.containers.make import container_registry
+from voxgran.containers.model import container_registry
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.description import SECTIONS

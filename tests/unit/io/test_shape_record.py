@@ -9,9 +9,9 @@ from voxgran.io.files import load, save
 from voxgran.io.record import from_record, to_record
 from voxgran.io.shape_record import MOST_BYTES, planes_of, record_as_json, record_of_json, rows_of
 from voxgran.shapes.generating.record import Record
+from voxgran.shapes.mesh import LatticePoints
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.triangles import LatticePoints
 
 NOTED = {
     "heights": np.arange(12, dtype=np.int32).reshape(3, 4),

@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import stream
-from voxgran.lattice import block_surfaces, blocks
+from voxgran.lattice import block_surfaces
+from voxgran.lattice import image as lattice_image
 from voxgran.lattice.label_seams import Seams
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.shapes.images.image_files import Image
@@ -130,7 +131,7 @@ def test_what_cannot_be_done_in_blocks_is_said(labels, monkeypatch):
     lazy = da.from_array(labels, chunks=20)
     with pytest.raises(InputError, match="grey values"):
         vg.load_labels(lazy + 0.5, voxel_size=1.0)
-    monkeypatch.setattr(blocks, "memory_limit", lambda: 1000)
+    monkeypatch.setattr(lattice_image, "memory_limit", lambda: 1000)
     with pytest.raises(TooLargeError, match=r"with label \d+ spans 60 x .* voxels: they are more than the memory"):
         vg.load_labels(lazy, voxel_size=1.0)
 

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 import voxgran as vg
 from voxgran._base.errors import ClusterError, InputError
 from voxgran._base.seeds import stream
-from voxgran.lattice.blocks import of_blocks
+from voxgran.lattice.image import of_blocks
 
 pytest.importorskip("zarr")
 dask = pytest.importorskip("dask")

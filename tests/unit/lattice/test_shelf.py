@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.lattice import blocks
+from voxgran.lattice import image as lattice_image
 
 pytest.importorskip("dask.array")
 
 
 def test_arrays_come_back_from_files_of_several_sizes(monkeypatch):
-    monkeypatch.setattr(blocks, "SHARED", 100)
-    shelf = blocks.Shelf()
+    monkeypatch.setattr(lattice_image, "SHARED", 100)
+    shelf = lattice_image.Shelf()
     given = [np.arange(n, dtype=kind).reshape(-1, 3) for n, kind in ((0, "i4"), (9, "u2"), (33, "u1"), (90, "f8"))]
     found = [shelf.put(array) for array in given]
     for one, other in zip(given, found, strict=True):
@@ -29,7 +29,7 @@ def test_arrays_stay_in_memory_where_the_disk_is_full(monkeypatch):
 
     monkeypatch.setattr(tempfile, "TemporaryFile", full)
     array = np.arange(6)
-    assert blocks.Shelf().put(array) is array
+    assert lattice_image.Shelf().put(array) is array
 
 
 def test_surfaces_of_an_image_in_blocks_lie_in_files():

@@ -8,9 +8,9 @@ import pytest
 
 import voxgran as vg
 from voxgran.geometry.rotation import rotation_matrices
-from voxgran.measures.chords import _gaps, chords_along
 from voxgran.measures.crossings import Lines, grain_intervals, outside_intervals
 from voxgran.measures.pores import pores_of
+from voxgran.measures.registered.voids import _gaps, chords_along
 
 SPHERE = vg.make_shape("sphere")
 BRICK = vg.make_shape("box", lengths=(3, 2, 4))

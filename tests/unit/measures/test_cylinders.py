@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
-from voxgran.measures.cylinders import cut_spheres_by_cylinder
+from voxgran.measures.region import cut_spheres_by_cylinder
 
 
 def polar(center, radius, cylinder, ends):

@@ -16,9 +16,8 @@ from voxgran.containers.kinds.disk import Disk
 from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.kinds.sphere import Sphere
-from voxgran.measures.cell_volumes import cell_volumes
 from voxgran.measures.model import measure
-from voxgran.measures.registered.homogeneity import _covariance, _deviation, _fit, homogeneity
+from voxgran.measures.registered.homogeneity import _covariance, _deviation, _fit, cell_volumes, homogeneity
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack

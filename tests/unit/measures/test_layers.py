@@ -9,9 +9,16 @@ import scipy.stats
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
-from voxgran.measures.layers import LAYERS, QUANTILES, TABLES, size_layers
 from voxgran.measures.model import measure
-from voxgran.measures.registered.segregation import layers_of, ranks_of, segregation
+from voxgran.measures.registered.segregation import (
+    LAYERS,
+    QUANTILES,
+    TABLES,
+    layers_of,
+    ranks_of,
+    segregation,
+    size_layers,
+)
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -11,8 +11,7 @@ import voxgran as vg
 from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.lattice.thickness import cover
 from voxgran.measures.model import measure
-from voxgran.measures.pore_spheres import Bodies
-from voxgran.measures.pores import pores_of
+from voxgran.measures.pores import Bodies, pores_of
 from voxgran.measures.registered.voids import voids
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")

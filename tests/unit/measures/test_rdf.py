@@ -22,8 +22,12 @@ from voxgran.geometry.periods import OPEN
 from voxgran.measures.model import measure
 from voxgran.measures.pair_sums import pair_sums
 from voxgran.measures.pair_window import PairWindow
-from voxgran.measures.registered.rdf import radial_distribution, structure_factor
-from voxgran.measures.structure import lattice_structure, transformed_structure
+from voxgran.measures.registered.rdf import (
+    lattice_structure,
+    radial_distribution,
+    structure_factor,
+    transformed_structure,
+)
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.shapes.model import Shape

@@ -7,8 +7,7 @@ import pytest
 
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
-from voxgran.measures.slabs import MOST, Ordered, near_box
-from voxgran.measures.window import Solids, images, power_planes
+from voxgran.measures.window import MOST, Ordered, Solids, images, near_box, power_planes
 from voxgran.packing.model import Packing
 from voxgran.shapes.family import make_shape
 

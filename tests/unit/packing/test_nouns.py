@@ -207,7 +207,7 @@ def test_a_window_shows_grains_in_colour(monkeypatch):
         def show(self):
             shown.append(self.meshes)
 
-    monkeypatch.setattr("voxgran.report.plot._has_window", lambda: True)
+    monkeypatch.setattr("voxgran.report.notebook._has_window", lambda: True)
     monkeypatch.setattr("pyvista.Plotter", Plotter)
     assert three().plot(color_by="shape") is None
     assert texts[-1] == "number of the shape"

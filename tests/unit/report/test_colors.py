@@ -8,10 +8,9 @@ from PIL import Image
 
 import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran.report.closeup import closeups_of, numbers_of_grain, picture_contacts
 from voxgran.report.colors import coloring
 from voxgran.report.facts import shape_rows
-from voxgran.report.scenes import picture_packing
+from voxgran.report.scenes import closeups_of, numbers_of_grain, picture_contacts, picture_packing
 from voxgran.report.stage import round_length, stage_of
 from voxgran.report.turntable import animated, save_turntable
 from voxgran.report.view import view_data

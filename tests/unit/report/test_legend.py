@@ -7,10 +7,9 @@ import pytest
 from matplotlib import colormaps
 
 import voxgran as vg
-from voxgran.report.colors import ENTRIES, Coloring, coloring
+from voxgran.report.colors import ENTRIES, LEFT, RIGHT, TICKS, Coloring, coloring, legend_of
 from voxgran.report.facts import headline
 from voxgran.report.figures import curves_of, figures_of
-from voxgran.report.legend import LEFT, RIGHT, TICKS, legend_of
 from voxgran.report.scenes import picture_cut, picture_packing
 from voxgran.report.stage import add_container, add_scale_bar, keep_written, shot, stage_of, text_size, text_width
 

@@ -22,8 +22,7 @@ from voxgran.report import facts
 from voxgran.report import page as pages
 from voxgran.report.compare import save_comparison
 from voxgran.report.figures import figures_of
-from voxgran.report.numbers import page_numbers
-from voxgran.report.page import save_report
+from voxgran.report.page import page_numbers, save_report
 from voxgran.scene.run import summary_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

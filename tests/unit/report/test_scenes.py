@@ -249,7 +249,7 @@ def test_save_picture_refuses_before_it_draws(tmp_path, monkeypatch):
     bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=2)
     there = tmp_path / "there.png"
     there.write_text("kept")
-    monkeypatch.setattr("voxgran.report.plot._picture", None)
+    monkeypatch.setattr("voxgran.report.notebook._picture", None)
     with pytest.raises(vg.VoxgranError, match=r"suffix '\.jpg'"):
         vg.save_picture(bed, tmp_path / "bed.jpg")
     with pytest.raises(vg.VoxgranError, match="is there already"):

@@ -353,7 +353,7 @@ def test_a_notebook_of_an_older_pyvista_turns_the_packing(packing, monkeypatch):
     monkeypatch.setattr(pyvista.Plotter, "show", lambda self, **options: options["jupyter_backend"])
     monkeypatch.delattr(pyvista, "registered_jupyter_backends", raising=False)
     monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", "server")
-    monkeypatch.setattr("voxgran.report.plot.find_spec", lambda name: name)
+    monkeypatch.setattr("voxgran.report.notebook.find_spec", lambda name: name)
     assert packing.plot() == "server"
-    monkeypatch.setattr("voxgran.report.plot.find_spec", lambda name: None)
+    monkeypatch.setattr("voxgran.report.notebook.find_spec", lambda name: None)
     assert vg.plot(packing, window=(200, 100)).size == (200, 100)

@@ -9,7 +9,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, UnknownNameError
 from voxgran.scene.run import COMPRESSING
-from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.parameters import Compression
 from voxgran.testing.packing_methods import bits_of
 
 SCENE = {

@@ -9,7 +9,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran.study.axes import changed
-from voxgran.study.canonical import canonical_scene
+from voxgran.study.files import canonical_scene
 
 SCENE = """
 shape = [{family = "sphere", material = "sand"}, {family = "sphere", count = 1, material = "steel"}]

@@ -14,9 +14,8 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran.cli import main
 from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values, comparison_of
 from voxgran.scene.twins.differences import TEXTS, dataset_of
-from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, resolved, sample_of
-from voxgran.scene.twins.twin import Twin
+from voxgran.scene.twins.twin import Twin, drawn
 from voxgran.shapes.learning.border import border_weights, is_scan
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
@@ -329,7 +328,7 @@ def test_labels_of_a_bed_become_a_bed(monkeypatch):
         asked.update(given, box=container, method=method)
         return bed
 
-    monkeypatch.setattr("voxgran.scene.twins.request.pack", kept)
+    monkeypatch.setattr("voxgran.scene.twins.twin.pack", kept)
     twin = vg.twin(bed, count=90)
     assert (asked["method"], asked["gravity"]) == ("gravity", (0.0, 0.0, -1.0))
     assert asked["solid_fraction"] == twin.sample.solid_fraction == pytest.approx(np.pi / 6, rel=0.05)

@@ -13,7 +13,7 @@ from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
-from voxgran.shapes.repairing.touching import parted
+from voxgran.shapes.repairing.repair import parted
 from voxgran.shapes.shells import edge_faults, half_edges, shell_labels, without_unused
 from voxgran.shapes.tessellate import revolved, sphere, unit_box
 

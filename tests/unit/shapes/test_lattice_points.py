@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import LatticePoints, Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.triangles import LatticePoints
 
 STEP, FIRST = np.array([0.1, 0.25, 1 / 3]) / 1000, np.array([70.0, -3.0, 0.1])
 

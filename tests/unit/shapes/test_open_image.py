@@ -6,7 +6,7 @@ from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, TooLargeError
-from voxgran.lattice import blocks
+from voxgran.lattice import image as lattice_image
 from voxgran.shapes.images.image_files import Image
 
 pytestmark = pytest.mark.usefixtures("forked_readers")
@@ -137,7 +137,7 @@ def test_a_slice_with_a_damaged_index_is_named(tmp_path, start):
 def test_a_zarr_in_one_part_must_not_be_larger_than_the_memory(tmp_path, monkeypatch):
     zarr.create_array(tmp_path / "a.zarr", data=VALUES, chunks=VALUES.shape)
     in_blocks(tmp_path / "a.zarr")
-    monkeypatch.setattr(blocks, "memory_limit", lambda: 4 * VALUES.nbytes - 1)
+    monkeypatch.setattr(lattice_image, "memory_limit", lambda: 4 * VALUES.nbytes - 1)
     with pytest.raises(TooLargeError, match=r"parts of 9 x 10 x 12 voxels.*write it in smaller parts"):
         vg.open_image(tmp_path / "a.zarr")
 

@@ -8,10 +8,9 @@ from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from voxgran._base.seeds import stream
-from voxgran.shapes.families.random.polyhedron import Polyhedron
+from voxgran.shapes.families.random.polyhedron import COVERING, Polyhedron, edges_of_hull, sphere_swept, steiner_volume
 from voxgran.shapes.generating.hulls import points_on_sphere
 from voxgran.shapes.generating.regular_solids import corners_of
-from voxgran.shapes.generating.sphere_swept import COVERING, edges_of_hull, sphere_swept, steiner_volume
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
 from voxgran.shapes.tessellate import sphere_points

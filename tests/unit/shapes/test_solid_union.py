@@ -9,9 +9,17 @@ from scipy import stats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.shapes.families.random.solid_union import CORE, BaseSolid, SolidUnion, base_solids, union_of
+from voxgran.shapes.families.random.solid_union import (
+    CORE,
+    BaseSolid,
+    SolidUnion,
+    base_solids,
+    faceted,
+    frequency_for,
+    sides_for,
+    union_of,
+)
 from voxgran.shapes.family import make_shape
-from voxgran.shapes.generating.facets import faceted, frequency_for, sides_for
 from voxgran.shapes.generating.star import is_star_shaped
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.primitive import Primitive

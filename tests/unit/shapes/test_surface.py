@@ -8,8 +8,8 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.contacts.deformation.deform import deform
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.repairing.diagnose import diagnose
-from voxgran.shapes.surface import Surface
 
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
 TWO = np.array([[0, 1, 2], [0, 2, 3]])

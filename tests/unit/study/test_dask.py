@@ -15,10 +15,9 @@ import voxgran as vg
 from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
 from voxgran._base.lock import locked_file
 from voxgran.study import dask_runs, runs
-from voxgran.study.checkpoints import MARK, marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.result import MACHINE
-from voxgran.study.runs import Run, compute, compute_with_file
+from voxgran.study.runs import MARK, Run, compute, compute_with_file, marked
 
 
 def test_a_missing_library_is_one_sentence(base, tmp_path, monkeypatch):

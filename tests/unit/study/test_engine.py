@@ -28,12 +28,11 @@ from voxgran._base.errors import (
     PackingWarning,
 )
 from voxgran._base.lock import locked_folder
-from voxgran.study import checkpoints, engine, processes
-from voxgran.study.engine import memory_bytes
+from voxgran.study import engine, processes, runs
+from voxgran.study.engine import Store, memory_bytes
 from voxgran.study.processes import FIRST, Processes
 from voxgran.study.result import MACHINE
 from voxgran.study.runs import Record, Run, compute
-from voxgran.study.store import Store
 
 
 def same(one, other):
@@ -558,7 +557,7 @@ def test_a_run_goes_on_from_its_checkpoint(tmp_path):
     assert before > 0
     begun = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(checkpoints.Checkpoint, "_note", lambda self, step: begun.append(step.done))
+        patch.setattr(runs.Checkpoint, "_note", lambda self, step: begun.append(step.done))
         found = compute(run)
     assert min(step for step in begun if step) > done
     assert (str(found.numbers), found.stop_reason) == (str(whole.numbers), whole.stop_reason)

@@ -13,9 +13,8 @@ from kit import slow
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.seeds import stream
 from voxgran.report.significance import difference_of, holm, welch_p_value
-from voxgran.study import group_tests
-from voxgran.study.comparisons import compare, compared_axis
-from voxgran.study.group_tests import hedges_g, rank_test
+from voxgran.study import comparisons
+from voxgran.study.comparisons import compare, compared_axis, hedges_g, rank_test
 from voxgran.study.statistics import confidence_limits, summary
 
 #: hours of sleep gained by two drugs, Student 1908, as in R's data set `sleep`
@@ -284,9 +283,9 @@ def test_hedges_g_holds_the_true_effect_and_is_unbiased():
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("probability", [0.025, 0.975])
 def test_limits_of_huge_effects_go_on_without_a_step(sign, probability, monkeypatch):
-    near = group_tests._noncentrality(sign * 999.0, 8, probability)
-    monkeypatch.setattr(group_tests, "LARGE", 100.0)
-    assert group_tests._noncentrality(sign * 999.0, 8, probability) == pytest.approx(near, rel=1e-3)
+    near = comparisons._noncentrality(sign * 999.0, 8, probability)
+    monkeypatch.setattr(comparisons, "LARGE", 100.0)
+    assert comparisons._noncentrality(sign * 999.0, 8, probability) == pytest.approx(near, rel=1e-3)
 
 
 def test_kruskal_wallis_gives_the_published_numbers():

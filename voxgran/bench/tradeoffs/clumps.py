@@ -15,9 +15,9 @@ import numpy as np
 
 from voxgran._base.lazy import load
 from voxgran.bench.model import PEERS, TradeOff, least_seconds, panels_of, peer_arrays, scans, write_rows
-from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.fit import clump_methods, fit_clump
+from voxgran.clumps.method import Body
 from voxgran.clumps.methods.optimal import growth_to_volume
 from voxgran.clumps.model import ClumpErrors
 from voxgran.clumps.sphere_sets import SphereSet
@@ -121,9 +121,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(
-    name="clumps", summary="error of clumps against number of spheres and seconds, for all methods", run=run
-)
+registration = TradeOff(summary="error of clumps against number of spheres and seconds, for all methods", run=run)
 
 
 def _draw(rows: list[Row], path: Path) -> None:

@@ -176,6 +176,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         right.set(xlabel="rate", ylabel="solid fraction at friction 0.5")
 
 
-registration = TradeOff(
-    name="compression", summary="time, density and proof of balance of compressed specimens, beside LAMMPS", run=run
-)
+registration = TradeOff(summary="time, density and proof of balance of compressed specimens, beside LAMMPS", run=run)

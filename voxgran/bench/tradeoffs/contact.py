@@ -251,9 +251,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(
-    name="contact", summary="attempts per second and errors of the tests of contact of control points", run=run
-)
+registration = TradeOff(summary="attempts per second and errors of the tests of contact of control points", run=run)
 
 
 #: how each body is drawn

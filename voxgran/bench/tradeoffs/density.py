@@ -141,4 +141,4 @@ def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Pat
         right.set(xlabel="distance from the wall in diameters", ylabel="solid fraction")
 
 
-registration = TradeOff(name="density", summary="true densities of digital packing: spheres, walls, disks", run=run)
+registration = TradeOff(summary="true densities of digital packing: spheres, walls, disks", run=run)

@@ -220,6 +220,4 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.axhline(1.0, color="k", linestyle=":")
 
 
-registration = TradeOff(
-    name="deposits", summary="spheres that stick: solid fraction against height, dimension of clusters", run=run
-)
+registration = TradeOff(summary="spheres that stick: solid fraction against height, dimension of clusters", run=run)

@@ -100,7 +100,5 @@ def _draw(beds: Sequence[Bed], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="dice",
-    summary="true densities of Platonic dice, poured and shaken with one friction, by three methods",
-    run=run,
+    summary="true densities of Platonic dice, poured and shaken with one friction, by three methods", run=run
 )

@@ -171,9 +171,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(
-    name="digital", summary="moves per second, and density against seconds, of digital packing", run=run
-)
+registration = TradeOff(summary="moves per second, and density against seconds, of digital packing", run=run)
 
 
 def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:

@@ -138,6 +138,4 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.set(xscale="log", xlabel="spheres", ylabel="exponent", title=f"{dimension} dimensions")
 
 
-registration = TradeOff(
-    name="exponents", summary="exponents of the sizes that fill gaps, with standard errors", run=run
-)
+registration = TradeOff(summary="exponents of the sizes that fill gaps, with standard errors", run=run)

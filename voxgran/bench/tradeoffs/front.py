@@ -129,7 +129,7 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 
 registration = TradeOff(
-    name="front", summary="seconds, density and residuals of the advancing front, from thousands to millions", run=run
+    summary="seconds, density and residuals of the advancing front, from thousands to millions", run=run
 )
 
 

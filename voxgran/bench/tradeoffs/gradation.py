@@ -86,7 +86,6 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="gradation",
     summary="sizes of grains: seconds and distance by volume from the distribution, of strata and independent draws",
     run=run,
 )

@@ -87,6 +87,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         panels[0].set(xlabel="CPU seconds", ylabel="solid fraction", title="jamming: faster and slower growth")
 
 
-registration = TradeOff(
-    name="jamming", summary="true shapes that jam: solid fraction against seconds, by the rate of growth", run=run
-)
+registration = TradeOff(summary="true shapes that jam: solid fraction against seconds, by the rate of growth", run=run)

@@ -158,7 +158,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="measures",
-    summary="measures and reports: seconds of each, and the profile against one by counted points",
-    run=run,
+    summary="measures and reports: seconds of each, and the profile against one by counted points", run=run
 )

@@ -228,5 +228,5 @@ def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="relax", summary="sinking of packings in LAMMPS, beside pouring there and beside proofs of rest", run=run
+    summary="sinking of packings in LAMMPS, beside pouring there and beside proofs of rest", run=run
 )

@@ -134,4 +134,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         right.set(xlabel="grains at proven saturation", ylabel="CPU seconds")
 
 
-registration = TradeOff(name="rsa", summary="random sequential addition: seconds, saturation and its proof", run=run)
+registration = TradeOff(summary="random sequential addition: seconds, saturation and its proof", run=run)

@@ -179,7 +179,5 @@ def _draw(found: dict[str, list[Floats]], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="rsa_shapes",
-    summary="random sequential addition of true shapes, extrapolated to saturation, beside published values",
-    run=run,
+    summary="random sequential addition of true shapes, extrapolated to saturation, beside published values", run=run
 )

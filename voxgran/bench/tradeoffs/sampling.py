@@ -85,6 +85,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         panel.set(xlabel="CPU seconds", ylabel="covering radius / root of the area")
 
 
-registration = TradeOff(
-    name="sampling", summary="points on surfaces: seconds, covering radius and smallest distance", run=run
-)
+registration = TradeOff(summary="points on surfaces: seconds, covering radius and smallest distance", run=run)

@@ -207,6 +207,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         panels[1].set(xlabel="grains")
 
 
-registration = TradeOff(
-    name="scale", summary="time and memory with the number of grains, from packing to the report", run=run
-)
+registration = TradeOff(summary="time and memory with the number of grains, from packing to the report", run=run)

@@ -366,6 +366,4 @@ def _draw(rows: list[Row], accuracy: list[tuple[float, int, float, float, float,
             panel.set_xticks(ticks, [str(tick) for tick in ticks])
 
 
-registration = TradeOff(
-    name="settle", summary="time, density and proof of rest of settled beds, beside other programs", run=run
-)
+registration = TradeOff(summary="time, density and proof of rest of settled beds, beside other programs", run=run)

@@ -13,8 +13,7 @@ import numpy as np
 
 from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.shapes.family import default_families, families, make_shape, seeds_of_shapes
-from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.surface import Surface
+from voxgran.shapes.mesh import Mesh, Surface
 
 #: shapes of each family
 COUNT = 20
@@ -94,6 +93,4 @@ def _draw(rows: list[Row], path: Path) -> None:
         panel.set_ylim(EXACT / 2, 0.2)
 
 
-registration = TradeOff(
-    name="shapes", summary="families of shapes: milliseconds against the error of the surface", run=run
-)
+registration = TradeOff(summary="families of shapes: milliseconds against the error of the surface", run=run)

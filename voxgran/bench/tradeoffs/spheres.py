@@ -218,6 +218,4 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.set_title(f"{'spheres' if dimension == 3 else 'disks'}, up to {most:,}")
 
 
-registration = TradeOff(
-    name="spheres", summary="all sphere methods: solid fraction, coordination, seconds, error", run=run
-)
+registration = TradeOff(summary="all sphere methods: solid fraction, coordination, seconds, error", run=run)

@@ -125,7 +125,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="tessellation",
-    summary="cells of given volumes by weights and by inverse Monte Carlo; thin containers",
-    run=run,
+    summary="cells of given volumes by weights and by inverse Monte Carlo; thin containers", run=run
 )

@@ -26,8 +26,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.transform.from_labels import packing_of_labels
 from voxgran.scene.twins.compared import STEP
-from voxgran.scene.twins.request import drawn
-from voxgran.scene.twins.twin import Twin, twin
+from voxgran.scene.twins.twin import Twin, drawn, twin
 from voxgran.shapes.family import make_shape, make_shapes
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.simplify import simplify
@@ -161,4 +160,4 @@ def specimen_and_scan(case: str) -> tuple[Packing, Packing]:
     return specimen, packing_of_labels(np.asarray(labels), voxel_size=VOXEL, gravity="none")
 
 
-registration = TradeOff(name="twin_loops", summary="specimens, their images and the twins of these", run=run)
+registration = TradeOff(summary="specimens, their images and the twins of these", run=run)

@@ -255,4 +255,4 @@ def timed_row(case: str) -> Row:
     return Row(case, learned, model.strength, None, None, None, None, None, learning, drawing)
 
 
-registration = TradeOff(name="twins", summary="grains of learned distributions, against others of the kind", run=run)
+registration = TradeOff(summary="grains of learned distributions, against others of the kind", run=run)

@@ -34,8 +34,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import INSIDE, SURFACE, Points, SphereSet, without_cheapest
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
@@ -116,7 +115,6 @@ def fit(body: Body, count: int, settings: Cluster, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="cluster",
     summary="equal spheres at the points of a lattice, or groups of them merged to larger ones",
     source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
     "Analysis of Discontinuous Materials; Lu & McDowell 2007; Wang et al. 2007 (merged spheres)",

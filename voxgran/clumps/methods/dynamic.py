@@ -17,8 +17,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import union_gaps
 
 #: number of points on the surface, at least and for each sphere
@@ -88,7 +87,6 @@ def fit(body: Body, count: int, settings: Dynamic, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="dynamic",
     summary="random spheres moved and scaled by virtual forces toward the surface",
     source="Matsushima & Saomoto 2003",
     parameters=Dynamic,

@@ -17,8 +17,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.clumps.sphere_sets import INSIDE, SURFACE, Points, SphereSet, best_inserts
 
 #: number of points on the surface
@@ -83,7 +82,6 @@ def fit(body: Body, count: int, settings: FourPoint, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="four_point",
     summary="spheres through four random points of the surface, moved and scaled to fit inside",
     source="Price, Murariu & Morrison 2007, Sphere clump generation and trajectory comparison for real particles",
     parameters=FourPoint,

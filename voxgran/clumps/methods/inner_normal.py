@@ -22,8 +22,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 
 #: number of points on the surface, at least and for each sphere asked
 POINTS, POINTS_A_SPHERE = 4_000, 20
@@ -97,7 +96,6 @@ def fit(body: Body, count: int, settings: InnerNormal, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="inner_normal",
     summary="spheres that touch the surface and grow along its inner normals",
     source="Ferellec & McDowell 2010, doi:10.1007/s10035-010-0205-8",
     parameters=InnerNormal,

@@ -21,8 +21,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran.clumps.body import Body
-from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.method import Body, ClumpMethod, Fitted
 from voxgran.lattice.distance import inside_distance
 
 #: largest protrusion, in voxels, of a sphere from that of a neighbour for which the sphere is dropped: away from the
@@ -85,7 +84,6 @@ def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:
 
 
 registration = ClumpMethod(
-    name="inscribed",
     summary="inscribed spheres chosen greedily by the volume they cover, from the distance transform",
     source="Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971",
     parameters=Inscribed,

@@ -20,12 +20,11 @@ from voxgran.containers.plane import prism_of
 from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
 from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import sphere
 
 #: kinds of bodies: points with margins only, and smooth solids, whose support points count too

@@ -12,8 +12,7 @@ from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_point
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, ContainerKind
 from voxgran.geometry.walls import planes_across
 from voxgran.shapes.tessellate import unit_box
 
@@ -249,4 +248,4 @@ class Box(ExplainedAttributes, Block):
         return (vertices + 0.5) @ self.vectors + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="box", container=Box)
+registration = ContainerKind(container=Box)

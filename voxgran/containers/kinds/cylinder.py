@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
 from voxgran.containers.equipment import Parametric
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, ContainerKind
 from voxgran.geometry.walls import Round, planes_across
 from voxgran.shapes.tessellate import revolved
 
@@ -103,4 +102,4 @@ class Cylinder(Parametric):
         return vertices + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="cylinder", container=Cylinder)
+registration = ContainerKind(container=Cylinder)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran.containers.equipment import Parametric
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, ContainerKind
 from voxgran.containers.plane import points_in_plane
 from voxgran.geometry.walls import Round
 from voxgran.shapes.outline import Outline
@@ -99,4 +98,4 @@ class Disk(Parametric):
         return Outline("disk", self.radius, center=self.origin).tessellation()[:2]
 
 
-registration = ContainerKind(name="disk", container=Disk)
+registration = ContainerKind(container=Disk)

@@ -6,9 +6,8 @@ from typing import ClassVar
 
 from voxgran._base.arrays import as_choice
 from voxgran._base.calls import explained_methods
-from voxgran.containers.equipment import Equipment
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.space import Space, revolved_space
+from voxgran.containers.equipment import Equipment, Space, revolved_space
+from voxgran.containers.model import ContainerKind
 
 
 @explained_methods
@@ -60,4 +59,4 @@ class Drum(Equipment):
         return revolved_space(ends, self.origin, "xy".index(self.axis))
 
 
-registration = ContainerKind(name="drum", container=Drum)
+registration = ContainerKind(container=Drum)

@@ -5,9 +5,8 @@ from functools import cached_property
 from typing import ClassVar
 
 from voxgran._base.calls import explained_methods
-from voxgran.containers.equipment import Equipment
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.space import Space, revolved_space
+from voxgran.containers.equipment import Equipment, Space, revolved_space
+from voxgran.containers.model import ContainerKind
 
 
 @explained_methods
@@ -59,4 +58,4 @@ class Funnel(Equipment):
         return revolved_space([(0.0, self.outlet), (self.height, self.radius)], self.origin)
 
 
-registration = ContainerKind(name="funnel", container=Funnel)
+registration = ContainerKind(container=Funnel)

@@ -7,9 +7,8 @@ from typing import ClassVar
 
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained_methods
-from voxgran.containers.equipment import Equipment
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.space import Space, revolved_space, space_within
+from voxgran.containers.equipment import Equipment, Space, revolved_space, space_within
+from voxgran.containers.model import ContainerKind
 from voxgran.geometry.walls import plane
 
 
@@ -93,4 +92,4 @@ class Hopper(Equipment):
         return space_within(planes, "hopper")
 
 
-registration = ContainerKind(name="hopper", container=Hopper)
+registration = ContainerKind(container=Hopper)

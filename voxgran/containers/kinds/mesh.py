@@ -13,8 +13,7 @@ from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_vecto
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, with_article
 from voxgran.containers.enclosed import wall_around
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary, Surface
+from voxgran.containers.model import Boundary, ContainerKind, Surface
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -260,6 +259,4 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))
 
 
-registration = ContainerKind(
-    name="mesh", container=ClosedMesh, taken=("file", "vertices", "faces", "name", "offset"), make=_make
-)
+registration = ContainerKind(container=ClosedMesh, taken=("file", "vertices", "faces", "name", "offset"), make=_make)

@@ -7,10 +7,9 @@ from typing import Any, ClassVar
 from voxgran._base.arrays import as_points, check_coordinates
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
-from voxgran.containers.equipment import Equipment
+from voxgran.containers.equipment import Equipment, Space, space_within
 from voxgran.containers.kinds.walls import direction
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.space import Space, space_within
+from voxgran.containers.model import ContainerKind
 from voxgran.geometry.walls import plane
 
 
@@ -67,4 +66,4 @@ class Planes(Equipment):
         return space_within(walls, "planes")
 
 
-registration = ContainerKind(name="planes", container=Planes)
+registration = ContainerKind(container=Planes)

@@ -13,8 +13,7 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_place, as_positive, check_lengths, read_only
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary, Surface
+from voxgran.containers.model import Boundary, ContainerKind, Surface
 from voxgran.containers.plane import area_of, as_loops, points_in_plane, prism_of, triangles_of
 from voxgran.shapes.images.outline_images import region_loops
 from voxgran.shapes.mesh import Mesh
@@ -264,8 +263,5 @@ def _make(rest: Mapping[str, Any], where: str) -> Polygon:
 
 
 registration = ContainerKind(
-    name="polygon",
-    container=Polygon,
-    taken=("file", "pixel_size", "level", "min_area", "origin", "corners", "holes"),
-    make=_make,
+    container=Polygon, taken=("file", "pixel_size", "level", "min_area", "origin", "corners", "holes"), make=_make
 )

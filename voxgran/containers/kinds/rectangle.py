@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran.containers.kinds.box import Block
-from voxgran.containers.make import ContainerKind
+from voxgran.containers.model import ContainerKind
 
 
 @dataclass(frozen=True, init=False)
@@ -94,4 +94,4 @@ class Rectangle(ExplainedAttributes, Block):
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 
-registration = ContainerKind(name="rectangle", container=Rectangle)
+registration = ContainerKind(container=Rectangle)

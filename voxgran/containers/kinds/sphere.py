@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
 from voxgran.containers.equipment import Parametric
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, ContainerKind
 from voxgran.geometry.walls import Round
 from voxgran.shapes.tessellate import sphere
 
@@ -99,4 +98,4 @@ class Sphere(Parametric):
         return vertices * self.radius + np.array(self.origin), faces
 
 
-registration = ContainerKind(name="sphere", container=Sphere)
+registration = ContainerKind(container=Sphere)

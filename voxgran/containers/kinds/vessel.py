@@ -13,7 +13,7 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.containers.enclosed import enclosed
 from voxgran.containers.kinds.mesh import MENDING, ClosedMesh
 from voxgran.containers.kinds.walls import direction
-from voxgran.containers.make import ContainerKind
+from voxgran.containers.model import ContainerKind
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
 
@@ -140,6 +140,4 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     return Vessel(rest["file"], **{key: value for key, value in rest.items() if key != "file"})
 
 
-registration = ContainerKind(
-    name="vessel", container=ClosedMesh, taken=("file", "lid", "floor", "point", "gravity"), make=_make
-)
+registration = ContainerKind(container=ClosedMesh, taken=("file", "lid", "floor", "point", "gravity"), make=_make)

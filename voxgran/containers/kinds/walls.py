@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as_vector
 from voxgran._base.calls import explained_methods
-from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.names import unknown
-from voxgran.containers.equipment import Equipment, multiplied
-from voxgran.containers.make import ContainerKind
-from voxgran.containers.space import Space, space_within
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
+from voxgran.containers.equipment import Equipment, Space, multiplied, space_within
+from voxgran.containers.model import ContainerKind
 from voxgran.geometry.walls import Round, cone, plane
 
 #: keys of each kind of wall beside its point, and which of them may be left out
@@ -135,9 +133,8 @@ def _checked(wall: Any, where: str) -> dict[str, Any]:
     """Return the mapping of a wall with plain numbers, all keys given."""
     if not isinstance(wall, Mapping):
         raise InputError(f"{where} is {shown(wall)}: it must be a mapping with the key kind; give one")
-    kind = wall.get("kind")
-    if not isinstance(kind, str) or kind not in KEYS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, list(KEYS)))
+    kind: Any = wall.get("kind")
+    check_known(f"{where} kind", kind, KEYS)
     for key in wall:
         if key not in ("kind", "point", *KEYS[kind]):
             raise UnknownNameError(unknown(f"{where} key", key, ["point", *KEYS[kind]]))
@@ -167,4 +164,4 @@ def _wall_of(wall: Mapping[str, Any]) -> Round:
     return made._replace(axis=direction(wall["axis"], "axis"))
 
 
-registration = ContainerKind(name="walls", container=Walls)
+registration = ContainerKind(container=Walls)

@@ -281,7 +281,6 @@ def _read(folder: Path) -> Held:
 
 
 registration = Engine(
-    name="blocks",
     title="Blocks",
     summary="one JSON file: corners, faces, mass and inertia of each grain, contact law and walls",
     upright="which has lengths of periodic axes only",

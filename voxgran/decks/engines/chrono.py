@@ -16,10 +16,9 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, grain_rows, program_part, row_of, text_of
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
-from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "Chrono DEM-Engine"
@@ -33,8 +32,6 @@ COLUMNS = (
 )
 #: first line of the table of a template
 CLUMP_HEADER = "x,y,z,r"
-#: room between the walls and the bounds of the domain, in median diameters
-MARGIN = 2.0
 #: Young's modulus in Pa where the linear law is asked for; the engine wants one, the force model does not use it
 UNUSED = 1e7
 #: a number in a table
@@ -178,8 +175,7 @@ def _driver(simulation: Simulation) -> str:
 def _walls(simulation: Simulation) -> list[str]:
     """Return the lines that add the walls and the bounds of the domain."""
     walls = simulation.walls
-    room = MARGIN * simulation.diameter + 2 * float(simulation.bodies.assembly.bounding_radii.max())
-    ends = np.stack([walls.bounds[0] - room, walls.bounds[1] + room], axis=1).tolist()
+    ends = simulation.domain(float(simulation.bodies.assembly.bounding_radii.max())).T.tolist()
     lines = [f"solver.InstructBoxDomainDimension({', '.join(str(tuple(pair)) for pair in ends)})"]
     lines.append('solver.InstructBoxDomainBoundingBC("none", material)')
     for plane in walls.planes:
@@ -231,7 +227,6 @@ def _template(path: Path) -> Floats:
 
 
 registration = Engine(
-    name="chrono",
     title=TITLE,
     summary="tables of spheres, table of grains, force model, and a driver in Python that runs until rest on a GPU",
     source="https://github.com/projectchrono/DEM-Engine, release 3.0.19",

@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, row_of, text_of
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
     BODIES,
@@ -31,15 +31,12 @@ from voxgran.decks.lammps_states import (
 )
 from voxgran.decks.lammps_walls import law_text, wall_commands
 from voxgran.decks.simulation import OUTPUT, SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms of the first material: spheres that are grains, and spheres of clumps; the next one has 3 and 4
 SPHERE, CLUMP = 1, 2
 #: most materials: each is a group, of which LAMMPS has 32
 MOST_MATERIALS = 28
-#: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
-MARGIN = 2.0
 #: overlap from which grains are parted under drag at the start, in median diameters; how long; and the time in which
 #: drag stops a grain, in sqrt(d / g)
 DEEPEST, UNLOADING, DRAG_TIME = 5e-3, 1.0, 0.01
@@ -91,8 +88,7 @@ def _data(simulation: Simulation) -> str:
     density = bodies.mass[grain] / np.bincount(grain, volume, minlength=bodies.count)[grain]
     clump = np.isin(grain, bodies.of_kind("clump"))
     places, images = simulation.walls.wrapped(centers)
-    room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
-    low, high = walls.bounds[0] - room, walls.bounds[1] + room
+    low, high = simulation.domain(radii.max())
     laws, bonds = simulation.laws, _bond_texts(simulation)
     counts = [f"{len(radii)} atoms", f"{2 * laws.count} atom types"]
     if bonds is not None:
@@ -364,7 +360,6 @@ def _section(lines: list[str], name: str) -> Floats:
 
 
 registration = Engine(
-    name="lammps",
     title=TITLE,
     summary="data file, rigid bodies, molecule templates and a script of granular contact",
     source="docs.lammps.org, release of 22 July 2025",

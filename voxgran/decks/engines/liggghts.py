@@ -21,18 +21,15 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, row_of, text_of
 from voxgran.decks.liggghts_walls import models_of, property_commands, wall_commands, wall_files
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import quaternions_of, rotation_matrices
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
 #: names of files
 SCRIPT, GRAINS, CLUMPS = "liggghts_run.in", "liggghts_spheres.data", "liggghts_clumps.in"
 POSES, SPHERES, ENERGY = "liggghts_clumps.dump", "liggghts_spheres.dump", "liggghts_energy.txt"
-#: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
-MARGIN = 2.0
 #: half the edge of the region that a centroid is put in, in median diameters
 PLACED = 1e-9
 #: clumps that are inserted in one step: each needs three fixes, which LIGGGHTS compares pair by pair
@@ -109,14 +106,6 @@ def _file(name: str) -> str:
     return f"liggghts_{name}.txt"
 
 
-def _box(simulation: Simulation) -> Floats:
-    """Return the bounds (2, 3) of the box of atoms: those of the container, with room behind walls."""
-    walls, bodies = simulation.walls, simulation.bodies
-    reach = MARGIN * simulation.diameter + 2 * float(bodies.spheres[1].max())
-    room = np.where(walls.periodic, 0.0, reach)
-    return np.array([walls.bounds[0] - room, walls.bounds[1] + room])
-
-
 def _grains(simulation: Simulation) -> str:
     """Return the data file of the grains that are spheres, whose numbers are those of their grains, from 1.
 
@@ -133,7 +122,8 @@ def _grains(simulation: Simulation) -> str:
                  for name, one in zip(names[~alone].tolist(), mine[~alone].tolist(), strict=True)]  # fmt: skip
     lines = [*of_clumps, "", f"{len(mine)} atoms", f"{simulation.laws.count} atom types", ""]
     kinds = 1 + np.array(simulation.laws.of_shapes)[bodies.assembly.shape_id[mine]]
-    lines += [f"{row_of(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
+    box = simulation.domain(float(radii.max()))
+    lines += [f"{row_of(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", box.T, strict=True)]
     lines += ["", "Atoms", ""]
     rows = np.column_stack([2 * sizes, density, points])
     numbered = zip(names.tolist(), kinds.tolist(), rows, strict=True)
@@ -212,7 +202,7 @@ def _script(simulation: Simulation) -> str:
         lines += [f"read_data {GRAINS}", *_groups(simulation, types)]
     else:
         lines += [
-            f"region box block {row_of(_box(simulation).T.ravel())} units box",
+            f"region box block {row_of(simulation.domain(float(bodies.spheres[1].max())).T.ravel())} units box",
             f"create_box {simulation.laws.count} box",
         ]
     lines += [
@@ -375,7 +365,6 @@ def _held_clump(folder: Path, words: tuple[str, ...]) -> tuple[float, Floats, Fl
 
 
 registration = Engine(
-    name="liggghts",
     title=TITLE,
     summary="data file of spheres, multisphere templates with the place of each clump, and a script",
     upright="which finds no contacts across tilted sides",

@@ -19,10 +19,9 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, grain_rows, program_part, row_of, text_of
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
@@ -36,8 +35,6 @@ COLUMNS = (
     *(f"axis_{row}{column}" for row in "xyz" for column in "123"),
     *("velocity_x", "velocity_y", "velocity_z", "spin_x", "spin_y", "spin_z"),
 )
-#: room between the walls and the bounds of the domain, in median diameters
-MARGIN = 2.0
 #: species of each law, without and with rolling friction
 SPECIES = {
     "linear": ("LinearViscoelasticSlidingFriction", "LinearViscoelasticFriction"),
@@ -250,17 +247,15 @@ def _numbers(simulation: Simulation, law: ContactLaw) -> dict[str, str]:
 
 def _main(simulation: Simulation) -> list[str]:
     """Return the main function."""
-    walls = simulation.walls
-    reach = 2 * float(simulation.bodies.assembly.bounding_radii.max())
-    room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + reach)
+    low, high = simulation.domain(float(simulation.bodies.assembly.bounding_radii.max()))
     return [
         "int main(int argc, char* argv[])",
         "{",
         "    Bed bed;",
         '    bed.setName("mercury_run");',
         f"    bed.setGravity({_vector(simulation.gravity)});",
-        f"    bed.setMin({_vector(walls.bounds[0] - room)});",
-        f"    bed.setMax({_vector(walls.bounds[1] + room)});",
+        f"    bed.setMin({_vector(low)});",
+        f"    bed.setMax({_vector(high)});",
         *_species(simulation),
         "    if (argc > 1) bed.grains = argv[1];",
         f"    bed.setTimeStep({simulation.time_step!r});",
@@ -313,7 +308,6 @@ def _template(folder: Path, name: str) -> dict[str, Floats]:
 
 
 registration = Engine(
-    name="mercury",
     title=TITLE,
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
     source="MercuryDPM, Drivers/Clump and tools/MClump",

@@ -20,11 +20,10 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
-from voxgran.decks.engine import Engine
+from voxgran.decks.engine import Engine, row_of, text_of
 from voxgran.decks.facets import facets_of
 from voxgran.decks.pfc_reader import GRAINS, RUN, read_deck
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation, rows_of
-from voxgran.decks.text import row_of, text_of
 from voxgran.shapes.mesh import hull_of
 
 TITLE = "PFC"
@@ -34,8 +33,6 @@ TEMPLATES, WALLS = "pfc_clumps.dat", "pfc_walls.dat"
 NAMES = {"sphere": "ball", "clump": "clump", "polyhedron": "rblock"}
 #: local damping of grains between walls that keep a stress, a share of the net force
 DAMPING = 0.2
-#: room between the walls and the bounds of the domain, in median diameters
-MARGIN = 2.0
 #: largest radius of a sphere, in least extents of the domain
 LARGEST_SPHERE = 0.25
 
@@ -55,7 +52,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
             f"material {curved} for polyhedra: contacts of PFC's rigid blocks have no radius of curvature, which it "
             "needs; use law='linear' without rolling_friction, or give clump=20"
         )
-    low, high = _domain(simulation)
+    low, high = simulation.domain(float(bodies.assembly.bounding_radii.max()))
     single = bodies.of_kind("sphere")
     largest = float(bodies.assembly.bounding_radii[single].max(initial=0.0))
     if largest >= LARGEST_SPHERE * float((high - low).min()):
@@ -72,14 +69,6 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     files[WALLS] = _walls(simulation)
     comments = simulation.comments(TITLE, *_approximations(simulation), mark=";")
     return {name: text_of([*comments, *lines]) for name, lines in files.items()}
-
-
-def _domain(simulation: Simulation) -> tuple[Floats, Floats]:
-    """Return the lower and upper corner of the domain: along periodic axes those of the container."""
-    walls = simulation.walls
-    reach = 2 * float(simulation.bodies.assembly.bounding_radii.max())
-    room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + reach)
-    return walls.bounds[0] - room, walls.bounds[1] + room
 
 
 def _contact(law: ContactLaw) -> str:
@@ -300,7 +289,6 @@ def _walls(simulation: Simulation) -> list[str]:
 
 
 registration = Engine(
-    name="pfc",
     title=TITLE,
     summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
     upright="whose domain lies along the axes",

@@ -18,9 +18,8 @@ import numpy as np
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
 from voxgran.decks.bodies import Kind, Template
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.engine import Engine, Held, program_part, row_of, text_of
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import program_part, row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_walls import cell_lines, facet_lines
 from voxgran.geometry.periods import face_distances
@@ -388,7 +387,6 @@ def _read(folder: Path) -> Held:
 
 
 registration = Engine(
-    name="yade",
     title=TITLE,
     summary="Python script, with tables of grains, spheres, distances, corners and walls",
     source="YADE 2023.02a, reference of classes and source",

@@ -50,7 +50,6 @@ def _applies(packing: Packing) -> bool:
 
 
 registration = Measure(
-    name="compression",
     summary="mean stress tensor and void ratio of a compressed packing, and the path of its compression",
     groups=("/", "/compression"),
     compute=_compute,

@@ -35,7 +35,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="contacts",
     summary="pairs of grains within the contact gap, with gap, normal, point, and the area that they share",
     groups=("/contacts",),
     compute=_compute,

@@ -223,7 +223,6 @@ def _distribution(of_grain: Integers, rattlers: Rattlers, where: str) -> tuple[d
 
 
 registration = Measure(
-    name="coordination",
     summary="mean number of neighbours with and without rattlers, its distribution, and its curve over the gap",
     groups=("/", "/grains", "/profiles", "/contact_numbers"),
     compute=_compute,

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.lazy import DataTree
-from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
@@ -192,7 +191,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="density",
     summary="solid fraction and porosity of the whole packing and of the bulk",
     groups=("/",),
     compute=_compute,

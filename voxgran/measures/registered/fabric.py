@@ -28,7 +28,7 @@ from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
-from voxgran.shapes.describing.principal_axis import body_axes
+from voxgran.shapes.describing.extents import body_axes
 
 #: the sets of vectors that are measured
 NORMALS, BRANCHES, WEIGHTED, AXES = "contact_normals", "branch_vectors", "weighted_branch_vectors", "long_axes"
@@ -189,7 +189,6 @@ def _roses(roses: list[Rose], dimension: int) -> dict[str, Any]:
 
 
 registration = Measure(
-    name="fabric",
     summary="fabric tensors, anisotropy and roses of contact normals, branch vectors and long axes",
     groups=("/", "/fabric"),
     compute=_compute,

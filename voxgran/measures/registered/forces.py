@@ -165,7 +165,6 @@ def _known(packing: Packing) -> bool:
 
 
 registration = Measure(
-    name="forces",
     summary="distribution of contact forces, sliding contacts, rattlers, and the share of grains at rest",
     groups=("/", "/forces", "/grains"),
     compute=_compute,

@@ -148,7 +148,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="gradation",
     summary="cumulative curves of the requested and the placed sizes",
     groups=("/gradation",),
     compute=_compute,

@@ -38,9 +38,5 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="grains",
-    summary="position, size and orientation of each grain",
-    groups=("/grains",),
-    compute=_compute,
-    tilted=True,
+    summary="position, size and orientation of each grain", groups=("/grains",), compute=_compute, tilted=True
 )

@@ -5,6 +5,8 @@ independently of each other, faster in dense packings, where numbers vary with t
 Stillinger 2003, doi:10.1103/PhysRevE.68.041113), and not at all where parts of the packing differ. A volume is
 representative where the deviation is a stated share of the solid fraction (Kanit et al. 2003,
 doi:10.1016/S0020-7683(03)00143-4).
+
+Solid volume in each cell of a lattice: each grain is cut once by the cells that it touches.
 """
 
 import math
@@ -13,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_number
 from voxgran.containers.model import refuse_tilt
-from voxgran.measures.cell_volumes import cell_volumes
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_window import PairWindow
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.registered.density import INSET
-from voxgran.measures.window import Solids
+from voxgran.measures.window import Solids, chosen_planes
 from voxgran.packing.model import Packing
 
 #: smallest window in mean diameters, cells along the shortest edge of the region, and cells in all, at most
@@ -277,9 +279,70 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="homogeneity",
     summary="deviation of the solid fraction over windows of growing size, and the representative volume",
     groups=("/", "/profiles"),
     compute=_compute,
     usual=False,
 )
+
+
+#: grains that are cut at a time, which bounds the memory
+GRAINS = 20_000
+
+
+def cell_volumes(solids: Solids, lower: Floats, edges: Floats, held: Booleans) -> Floats:
+    """Return the volume (in 2D area) of the grains in each cell of a lattice.
+
+    The first cell has the corner `lower`, (d,), all have the `edges`, (d,), and `held` has the shape of the lattice;
+    other cells are left at 0. On periodic axes the lattice is one period long. Spheres and disks that overlap count
+    once, the common volume of other grains counts for each.
+    """
+    packing = solids.packing
+    volumes = np.zeros(held.size)
+    if solids.spheres is not None:
+        centers, radii, planes = solids.spheres
+    else:
+        centers, radii = packing.position, packing.bounding_radii
+    d = len(lower)
+    low, high = np.zeros(d), np.asarray(edges, dtype=np.float64)
+    for body, cell, place in _touched(centers, radii, lower, edges, held, packing.container.periodic):
+        if solids.spheres is None:
+            shift = np.zeros((len(body), 3))
+            shift[:, :d] = place - centers[body, :d]
+            parts = solids.cut_grains(body, low, high, shift=shift)[0]
+        else:
+            start, normals, offsets = chosen_planes(planes, body)
+            chosen = start, np.ascontiguousarray(normals[:, :d]), offsets
+            cut = cut_spheres if d == 3 else cut_disks
+            parts = cut(place, radii[body], lower=low, upper=high, planes=chosen)
+        volumes += np.bincount(cell, weights=parts, minlength=held.size)
+    return volumes.reshape(held.shape)
+
+
+def _touched(
+    centers: Floats, radii: Floats, lower: Floats, edges: Floats, held: Booleans, periodic: tuple[bool, ...]
+) -> Iterator[tuple[Integers, Integers, Floats]]:
+    """Yield, for some bodies at a time, body, flat index of a cell that its sphere touches, and center (m, d) relative
+    to the corner of that cell.
+    """
+    d, inside = len(lower), held.reshape(-1)
+    for begin in range(0, len(radii), GRAINS):
+        body = np.arange(begin, min(begin + GRAINS, len(radii)))
+        places, cells = (centers[body, :d] - lower) / edges, np.zeros((len(body), d), np.int64)
+        for a in range(d):
+            reach = radii[body] / edges[a]
+            first = np.floor(places[:, a] - reach).astype(np.int64)
+            last = np.floor(places[:, a] + reach).astype(np.int64)
+            if not periodic[a]:
+                first, last = np.maximum(first, 0), np.minimum(last, held.shape[a] - 1)
+            counts = np.maximum(last - first + 1, 0)
+            turn = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+            column = np.repeat(first, counts) + turn
+            body, places = np.repeat(body, counts), np.repeat(places, counts, axis=0)
+            cells = np.repeat(cells, counts, axis=0)
+            cells[:, a] = column
+        place = (places - cells) * edges
+        flat = np.ravel_multi_index(tuple((cells % held.shape).T), held.shape)
+        apart = place - np.clip(place, 0.0, edges)
+        near = inside[flat] & (np.sqrt((apart**2).sum(axis=1)) < radii[body])
+        yield body[near], flat[near], place[near]

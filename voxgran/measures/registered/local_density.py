@@ -156,7 +156,6 @@ def _distribution(known: Floats) -> Any:
 
 
 registration = Measure(
-    name="local_density",
     summary="Voronoi cells of the grains and local solid fractions: Laguerre cells of spheres, set Voronoi cells",
     groups=("/", "/grains", "/local_density"),
     compute=_compute,

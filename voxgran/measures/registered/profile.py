@@ -226,7 +226,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="profile",
     summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls",
     groups=("/profiles",),
     compute=_compute,

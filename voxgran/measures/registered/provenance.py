@@ -58,9 +58,5 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="provenance",
-    summary="record of how the packing was made, with a hash",
-    groups=("/provenance",),
-    compute=_compute,
-    tilted=True,
+    summary="record of how the packing was made, with a hash", groups=("/provenance",), compute=_compute, tilted=True
 )

@@ -43,7 +43,6 @@ def _applies(packing: Packing) -> bool:
 
 
 registration = Measure(
-    name="relaxation",
     summary="sinking of the bulk and change of the coordination number while an engine brought the packing to rest",
     groups=("/",),
     compute=_compute,

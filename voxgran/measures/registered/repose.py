@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import PackingWarning
-from voxgran._base.warning import warn
+from voxgran._base.errors import PackingWarning, warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.packing.beds.layers import top_of
 from voxgran.packing.model import Packing
@@ -125,7 +124,6 @@ def _applies(packing: Packing) -> bool:
 
 
 registration = Measure(
-    name="repose",
     summary="angle of repose: the slope of the flank of a heap, with its standard error",
     groups=("/",),
     compute=_compute,

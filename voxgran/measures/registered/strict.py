@@ -76,7 +76,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="strict",
     summary="solid fraction after shrinking all grains until nothing overlaps",
     groups=("/",),
     compute=_compute,

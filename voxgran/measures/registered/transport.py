@@ -61,7 +61,6 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="transport",
     summary="steady diffusion through the pores: effective diffusivity and tortuosity factor along each axis",
     groups=("/",),
     compute=_compute,

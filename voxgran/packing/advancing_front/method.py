@@ -276,7 +276,6 @@ def _most_attempts(problem: Problem, *, dense: bool) -> int:
 
 
 registration = PackingMethod(
-    name="advancing_front",
     summary="each new sphere touches three others, on the outer side of the front; other shapes by bounding spheres",
     source="J. Dalian Univ. Technol. 2011, 51(2), 236-243; Feng, Han & Owen 2003, doi:10.1002/nme.583; Bennett 1972, "
     "doi:10.1063/1.1661585",

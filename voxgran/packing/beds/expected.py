@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import PackingWarning
+from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.containers.gravity import gravity_vector
 from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.reachable import reachable

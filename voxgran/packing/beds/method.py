@@ -7,6 +7,8 @@ grains settle (:mod:`voxgran.settling.stages`), those of a start with them.
 References
 ----------
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
+
+Grains that arrive one after the other upon a bed, through an inlet or over the whole container.
 """
 
 import math
@@ -17,14 +19,12 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class, to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.inlet import Inlet, column_below
-from voxgran.packing.beds.raining import rain_of
 from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
@@ -42,6 +42,7 @@ from voxgran.packing.settling_run import (
 )
 from voxgran.settling.examination import TOUCHING
 from voxgran.settling.parameters import Settling
+from voxgran.settling.rain import Rain, speed_of_fall
 from voxgran.settling.stages import Settler
 
 #: largest solid fraction of the column, and the largest one in that of the bed
@@ -299,7 +300,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="gravity",
     summary="grains grow from random seeds in a column and settle until they rest",
     source="contact dynamics: Moreau 1988, doi:10.1007/978-3-7091-2624-0_1",
     parameters=Gravity,
@@ -313,3 +313,47 @@ registration = PackingMethod(
     no_room=NO_ROOM,
     obstacles="placed",
 )
+
+
+#: places that are tried for a grain
+PLACES = 8
+#: how fast the bed below rises where no rate is given, in sqrt(g d)
+RISING = 0.3
+
+
+def rain_of(problem: Problem, up: Floats) -> Rain | None:
+    """Return how the grains of a problem arrive; None where they grow from seeds together.
+
+    Raises
+    ------
+    InputError
+        If there is a lid, or :func:`column_below` refuses the inlet.
+    """
+    settings, container, base = problem.parameters, problem.container, -math.inf
+    inlet, column = settings.inlet, None
+    if not settings.arrive_singly:
+        return None
+    if settings.lid is not None:
+        raise InputError(
+            "lid is given with a fall_height or a rate: grains arrive on a bed without a lid; leave it out, and settle "
+            "the bed under a lid then"
+        )
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    if inlet is not None:
+        column, base = column_below(inlet, problem, up, np.zeros((0, 4)))
+        lower, upper = column.bounds
+    flat = np.arange(3) < problem.dimension
+
+    def places(step: int, number: int, radius: float) -> Floats:
+        points = lower + (upper - lower) * stream(problem.seed, "rain", number, step).random((4 * PLACES, 3)) * flat
+        if column is not None:
+            points = points[column.across(points) <= -radius]
+        return points[:PLACES]
+
+    rate = None if inlet is None else inlet.rate
+    if rate is None:
+        floor, top = container_levels(problem.container, up)
+        solid = usual_solid_fraction(problem) * (column or container).volume / (top - floor)
+        rate = RISING * solid / float(problem.volumes[problem.started :].mean())
+    height = 0.0 if settings.fall_height is None else problem.length(settings.fall_height)
+    return Rain(speed_of_fall(height), rate, places, base)

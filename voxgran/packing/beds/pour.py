@@ -10,10 +10,9 @@ import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_floats, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, shown, warn
 from voxgran._base.files import as_path
 from voxgran._base.seeds import MOST_SEED, philox_key
-from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container
 from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.model import Packing

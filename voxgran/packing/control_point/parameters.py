@@ -5,8 +5,7 @@ from typing import Literal
 
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import parameter
-from voxgran._base.errors import InputError
-from voxgran._base.warning import warn_former
+from voxgran._base.errors import InputError, warn_former
 from voxgran.packing.walking.parameters import Walking
 
 #: shortest step, in diameters of the grain

@@ -40,9 +40,8 @@ from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
 from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.describing.curvature import largest_curvature
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: numbers of the tests of contact
 TESTS = {"sdf": SDF, "kdtree": KDTREE}

@@ -237,7 +237,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="deposition",
     summary="grains fall one after the other and stick where they touch, or roll to a place on three others",
     source="Vold 1959, doi:10.1016/0095-8522(59)90041-8; Visscher & Bolsterli 1972, doi:10.1038/239504a0",
     parameters=Deposition,

@@ -22,7 +22,17 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MESH
 from voxgran.geometry.vectors import row_of
-from voxgran.packing.deposition.facets import end_on_facets, first_facet, still_touched, touch_facet
+from voxgran.packing.deposition.facets import (
+    ROUND_WALL,
+    TUBE_WALL,
+    end_on_facets,
+    first_facet,
+    still_touched,
+    touch_facet,
+    touch_round,
+    wall_on_circle,
+    wall_on_line,
+)
 from voxgran.packing.deposition.field import (
     CENTER,
     FIRST,
@@ -45,7 +55,6 @@ from voxgran.packing.deposition.field import (
 )
 from voxgran.packing.deposition.meetings import CIRCLE, LINE, ROUND_TUBE, first_root, first_sphere
 from voxgran.packing.deposition.tube import floor_in_tube, lay_tube, put_in_tube, touch_tube
-from voxgran.packing.deposition.walls import ROUND_WALL, TUBE_WALL, touch_round, wall_on_circle, wall_on_line
 
 #: largest number of events on a path, and on one in a mesh, whose edges are passed in small steps
 MOST_EVENTS = 400, 4000

@@ -389,7 +389,6 @@ def _enter_start(problem: Problem, state: State) -> None:
 
 
 registration = PackingMethod(
-    name="digital_fill",
     summary="each grain takes the best of all feasible places on a lattice, found exactly",
     source="no-fit places by morphological dilation; Burke et al. 2006, doi:10.1287/opre.1060.0293",
     parameters=DigitalFill,

@@ -36,7 +36,7 @@ class MoveRules(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """Order in which grains are moved: arrays of :class:`voxgran.packing.digital.state.DigitalState`.
+    """Order in which grains are moved: arrays of :class:`voxgran.packing.digital.precompute.DigitalState`.
 
     wanted: member of the bank that an attempt needs and that has not been voxelized, else -1.
     """

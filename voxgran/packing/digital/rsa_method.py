@@ -197,7 +197,6 @@ def _look(problem: Problem, state: State) -> None:
 
 
 registration = PackingMethod(
-    name="digital_rsa",
     summary="grains as voxels are added at random places of a lattice and stay there, to exact saturation",
     source="Evans 1993, doi:10.1103/RevModPhys.65.1281",
     parameters=DigitalRsa,

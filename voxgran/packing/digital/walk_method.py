@@ -249,7 +249,6 @@ def _rules(problem: Problem, state: DigitalState) -> MoveRules:
 
 
 registration = PackingMethod(
-    name="digital",
     summary="grains as voxels move over a lattice, one voxel at a time, under gravity and vibration",
     source="Jia & Williams 2001, doi:10.1016/S0032-5910(01)00268-6",
     parameters=Digital,

@@ -26,7 +26,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import followed
 from voxgran.packing.start import Start
-from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.parameters import Compression
 
 #: solid fraction in which grains begin, by dimension
 LOOSE = {2: 0.5, 3: 0.3}
@@ -130,7 +130,6 @@ def finish(problem: Problem, state: CompressState) -> Packing:
 
 registration = followed(
     PackingMethod(
-        name="compress",
         summary="grains at random are compressed to a mean stress, and balance it",
         source="Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302",
         parameters=Compress,

@@ -20,8 +20,7 @@ Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 """
 
 from voxgran._base.config import parameter_class
-from voxgran._base.errors import PackingWarning
-from voxgran._base.warning import warn
+from voxgran._base.errors import PackingWarning, warn
 from voxgran.containers.gravity import Down
 from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, packing_of_run
 from voxgran.packing.method import PackingMethod
@@ -67,7 +66,6 @@ def finish(problem: Problem, state: CompressState, gravity: Down | None = None) 
 
 
 registration = PackingMethod(
-    name="expand",
     summary="grains at random points grow, and push each other apart, to any solid fraction up to jamming",
     source="Lubachevsky & Stillinger 1990, doi:10.1007/BF01025983; O'Hern et al. 2003, doi:10.1103/PhysRevE.68.011306",
     parameters=Expand,

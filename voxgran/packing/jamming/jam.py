@@ -85,7 +85,6 @@ def finish(problem: Problem, state: CompressState) -> Packing:
 
 
 registration = PackingMethod(
-    name="jam",
     summary="grains at random points grow until they jam; the densest random state of a gradation",
     source="O'Hern et al. 2003, doi:10.1103/PhysRevE.68.011306",
     parameters=Jam,

@@ -141,7 +141,6 @@ def finish(problem: Problem, state: CompressState) -> Packing:
 
 
 registration = PackingMethod(
-    name="multilayer",
     summary="layers are compacted one by one to a bed of one solid fraction at all heights",
     source="Jiang, Konrad & Leroueil 2003, doi:10.1016/S0266-352X(03)00064-8",
     parameters=Multilayer,

@@ -417,7 +417,6 @@ def _look(problem: Problem, state: State, made: Precomputed) -> None:
 
 
 registration = PackingMethod(
-    name="rsa",
     summary="random sequential addition of spheres and true shapes: schemes of Chu 2011, or to proven saturation",
     source="Chu 2011, Rock and Soil Mechanics; Zhang & Torquato 2013, doi:10.1103/PhysRevE.88.053312",
     parameters=Rsa,

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Integers
-from voxgran._base.errors import PackingWarning
-from voxgran._base.warning import warn
+from voxgran._base.errors import PackingWarning, warn
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import UNPROVEN

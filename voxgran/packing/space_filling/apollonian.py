@@ -238,7 +238,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="apollonian",
     summary="exact gaskets: each gap between touching spheres gets the one that touches all of them",
     source="Lagarias, Mallows & Wilks 2002, doi:10.1080/00029890.2002.11920896",
     parameters=Apollonian,

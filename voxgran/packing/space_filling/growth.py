@@ -215,7 +215,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="growth",
     summary="spheres grow from random nuclei, which are all there or keep arriving, until they touch",
     source="Andrienko et al. 1994, doi:10.1007/BF02186870; Dodds & Weitz 2002, doi:10.1103/PhysRevE.65.056108",
     parameters=Growth,

@@ -256,7 +256,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="random_apollonian",
     summary="random free points get the largest grain that fits there: a power law of sizes that fills the gaps",
     source="Manna 1992, doi:10.1016/0378-4371(92)90001-7; Delaney et al. 2008, doi:10.1103/PhysRevLett.101.120602",
     parameters=RandomApollonian,

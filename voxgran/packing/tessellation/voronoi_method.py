@@ -30,10 +30,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran._base.warning import warn
 from voxgran.contacts.assembly import by_shape
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.geometry.rotation import normalized
@@ -366,7 +365,6 @@ def cost(problem: Problem) -> Cost:
 
 
 registration = PackingMethod(
-    name="voronoi_fill",
     summary="cells whose volumes follow the sizes, each filled by a shape or a grain itself, to any solid fraction",
     source="Mollon & Zhao 2012, doi:10.1007/s10035-012-0356-x; Bourne et al. 2020, doi:10.1080/14786435.2020.1790053",
     parameters=VoronoiFill,

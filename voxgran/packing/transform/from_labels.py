@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import as_number
 from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran._base.calls import explained
-from voxgran._base.errors import PackingWarning
+from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.progress import OnStep
-from voxgran._base.warning import warn
 from voxgran.containers.kinds.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing

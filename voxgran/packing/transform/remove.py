@@ -6,9 +6,8 @@ import numpy as np
 
 from voxgran._base.arrays import Integers, as_number
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.sizes import size_distance
 

@@ -15,8 +15,7 @@ from voxgran.io.netcdf import save_statistics
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
-from voxgran.report.numbers import json_text
-from voxgran.report.page import check_page_path, page_template, view_of
+from voxgran.report.page import check_page_path, json_text, page_template, view_of
 from voxgran.report.view import views_of
 from voxgran.scene.twins.differences import CURVES
 

@@ -9,19 +9,16 @@ from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import existing_file
 from voxgran._base.units import NO_UNIT
-from voxgran.containers.make import make_container
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import measure_section
-from voxgran.scene.checked_sections import general_section, refuse_engines, section_of, with_file
+from voxgran.scene.checked_sections import general_section, measure_section, refuse_engines, section_of, with_file
 from voxgran.scene.entries import given_values, material_section
 from voxgran.scene.keys import Twinned, names_of, refuse_unknown
 from voxgran.scene.sections import Output
 from voxgran.scene.twins.page import written
-from voxgran.scene.twins.request import TwinRequest
-from voxgran.scene.twins.twin import twin_of
+from voxgran.scene.twins.twin import TwinRequest, twin_of
 from voxgran.shapes.learning.model import ShapeModel
 
 #: sections of which a twin has its own, or that are for other grains

@@ -11,11 +11,10 @@ from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.scalars import cube_root
 from voxgran.geometry.tree import TriangleTree, grow_tree
 from voxgran.shapes.describing.thumbnail import card, portrait
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 
 Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 

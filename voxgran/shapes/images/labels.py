@@ -15,21 +15,19 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.files import as_path
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step, reported, silent
-from voxgran._base.warning import warn
 from voxgran.lattice.block_surfaces import block_surfaces
-from voxgran.lattice.blocks import Shelf, lazy_of
 from voxgran.lattice.census import Census, census
+from voxgran.lattice.image import Shelf, lazy_of
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.lattice.label_volumes import PARTS
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
 from voxgran.shapes.images.open_image import is_opened, open_image
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import LatticePoints, Mesh, corner_type
 from voxgran.shapes.model import Shape
-from voxgran.shapes.triangles import LatticePoints, corner_type
 
 BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
 #: widest smoothing, in voxels: its time grows with the square

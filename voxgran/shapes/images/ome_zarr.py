@@ -11,8 +11,7 @@ from voxgran._base.errors import FileFormatError, shown
 from voxgran._base.guarded import refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import chosen_name
-from voxgran.lattice.blocks import lazily
-from voxgran.lattice.image import Image
+from voxgran.lattice.image import Image, lazily
 
 #: names of units in OME-Zarr that are other than those of voxgran
 UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "micrometer": "um", "nanometer": "nm", "picometer": "pm"}

@@ -17,8 +17,7 @@ from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import chosen_name
-from voxgran.lattice.blocks import as_block, block_library, lazily, lazy_of
-from voxgran.lattice.image import Image
+from voxgran.lattice.image import Image, as_block, block_library, lazily, lazy_of
 from voxgran.shapes.images.image_files import (
     image_library,
     load_image,

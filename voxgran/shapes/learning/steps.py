@@ -15,11 +15,10 @@ from voxgran._base.lazy import load
 from voxgran.lattice.label_volumes import PARTS
 from voxgran.shapes.generating.hulls import hull_of_corners
 from voxgran.shapes.learning.warp import frame_of
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import LatticePoints, Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.simplify import decimated
-from voxgran.shapes.triangles import LatticePoints
 
 SPHERE, ELLIPSOID, CONVEX, LABELS = "sphere", "ellipsoid", "convex", "labels"
 #: root mean square distances, in voxels, up to which a surface of labels is that of a smooth or of a convex solid with

@@ -17,12 +17,11 @@ import numpy as np
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
+from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning, warn
 from voxgran._base.lazy import load
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.vtk_data import numpy_support, poly_data
-from voxgran._base.warning import warn
 from voxgran.geometry.tree import grow_tree
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.files import load_shape

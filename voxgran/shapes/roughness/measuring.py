@@ -22,16 +22,15 @@ from numpy.typing import ArrayLike
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran._base.warning import warn
 from voxgran.geometry.triangles import areas_of, normals_of
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.autocorrelation import roll_off_of, self_affine_correlation
 from voxgran.shapes.roughness.parameters import POINTS
-from voxgran.shapes.surface import Surface
 
 #: bins of distances, and vertices of which all pairs are formed at the most
 BINS, MOST_POINTS = 200, 20_000

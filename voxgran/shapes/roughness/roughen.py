@@ -19,7 +19,7 @@ from voxgran._base.seeds import stream
 from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.finer import cut_edges, edges_of, onto_surface, vertex_normals
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import SIDES, Outline, is_simple
 from voxgran.shapes.roughness.fields import draw_field
@@ -27,7 +27,6 @@ from voxgran.shapes.roughness.measuring import moments_of, scattered_statistics,
 from voxgran.shapes.roughness.parameters import POINTS, Method, RoughField, Roughness
 from voxgran.shapes.shells import edge_faults
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.surface import Surface
 
 #: corners of a rough outline at the most
 MOST_CORNERS = 5_000

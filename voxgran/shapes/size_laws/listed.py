@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
-from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown, unknown
 from voxgran._base.machine import memory_limit
-from voxgran._base.names import unknown
 from voxgran._base.scalars import number_of
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.shapes.formats.tables import columns_in, length_factor, numbers_in, read_table, told_columns, unit_in

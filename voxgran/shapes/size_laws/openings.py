@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import UnknownNameError
-from voxgran._base.names import unknown
+from voxgran._base.errors import UnknownNameError, check_known
 
 #: numbers of a decade of the series R 20 and R 40, as rounded for sieves
 R20 = (1, 1.12, 1.25, 1.4, 1.6, 1.8, 2, 2.24, 2.5, 2.8, 3.15, 3.55, 4, 4.5, 5, 5.6, 6.3, 7.1, 8, 9)
@@ -80,8 +79,7 @@ def openings(series: str, numbers: "Sequence[int | str] | None" = None) -> tuple
     (0.075, 0.425, 2.0, 4.75, 9.5)
     """
     check_type(series, str, "series", "a name such as 'ISO 565'")
-    if series not in SERIES:
-        raise UnknownNameError(unknown("series", series, SERIES))
+    check_known("series", series, SERIES)
     if numbers is None:
         return SERIES[series]()
     check_type(numbers, (list, tuple, range), "numbers", "a list such as [200, 40, 10]")
@@ -93,6 +91,5 @@ def openings(series: str, numbers: "Sequence[int | str] | None" = None) -> tuple
         check_type(number, (int, str), "sieve of ASTM E11", "a number such as 200, or inches such as '3/8 in'")
     names = [str(number).lower().removeprefix("no.").strip() for number in numbers]
     for name in names:
-        if name not in ASTM:
-            raise UnknownNameError(unknown("sieve of ASTM E11", name, ASTM))
+        check_known("sieve of ASTM E11", name, ASTM)
     return tuple(ASTM[name] for name in names)

@@ -7,8 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
 from voxgran._base.config import parameter, parameter_class
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown
-from voxgran._base.warning import warn
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn
 from voxgran.shapes.formats.tables import column_kind, columns_in, length_factor, numbers_in, read_table, told_columns
 from voxgran.shapes.size_laws.distribution import SizeDistribution, same_length
 from voxgran.shapes.size_laws.simple import growth

@@ -103,7 +103,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(name="distance", summary="seconds and error of distances on voxels", run=run)
+registration = TradeOff(summary="seconds and error of distances on voxels", run=run)
 
 
 def _draw(

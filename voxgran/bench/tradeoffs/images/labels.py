@@ -257,7 +257,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="labels",
-    summary="surfaces of label images: seconds, errors of volume and area, closed manifolds, crossings",
-    run=run,
+    summary="surfaces of label images: seconds, errors of volume and area, closed manifolds, crossings", run=run
 )

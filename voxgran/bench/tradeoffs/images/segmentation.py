@@ -222,7 +222,6 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="segmentation",
     summary="segmentation of grey images: grains found over true, Rand error, seconds, beside watershed and SNOW",
     run=run,
 )

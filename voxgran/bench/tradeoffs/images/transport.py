@@ -83,6 +83,4 @@ def draw(rows: list[Row], path: Path) -> None:
         panel.set(xlabel="CPU seconds", ylabel="relative error of the diffusivity", ylim=(5e-4, 10))
 
 
-registration = TradeOff(
-    name="transport", summary="diffusion through pores: seconds and error by the voxels of a diameter", run=run
-)
+registration = TradeOff(summary="diffusion through pores: seconds and error by the voxels of a diameter", run=run)

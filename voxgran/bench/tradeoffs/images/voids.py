@@ -99,5 +99,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="voids", summary="pore space: seconds, and errors of chords and pores, by the voxels of a diameter", run=run
+    summary="pore space: seconds, and errors of chords and pores, by the voxels of a diameter", run=run
 )

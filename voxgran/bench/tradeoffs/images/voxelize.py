@@ -169,7 +169,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     )
 
 
-registration = TradeOff(name="voxelize", summary="seconds against volume error of the voxel backends", run=run)
+registration = TradeOff(summary="seconds against volume error of the voxel backends", run=run)
 
 
 def _draw(data: "Dataset", path: Path) -> None:

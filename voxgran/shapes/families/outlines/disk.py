@@ -27,4 +27,4 @@ def make(parameters: Disk, generator: np.random.Generator) -> Shape:
     return Shape.of(Outline("disk", radius=radius), name="disk")
 
 
-registration = ShapeFamily(name="disk", summary="disk, in 2D", parameters=Disk, make=make, dimension=2)
+registration = ShapeFamily(summary="disk, in 2D", parameters=Disk, make=make, dimension=2)

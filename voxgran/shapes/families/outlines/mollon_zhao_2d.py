@@ -75,7 +75,6 @@ def outline(found: Floats, phases: Floats, corners: int) -> Floats:
 
 
 registration = ShapeFamily(
-    name="mollon_zhao_2d",
     summary="outline of a sand grain from Fourier descriptors, in 2D",
     parameters=MollonZhao2d,
     make=make,

@@ -5,7 +5,7 @@ import numpy as np
 from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
@@ -14,7 +14,7 @@ MOST_CORNERS = 10_000
 
 
 @parameter_class
-class Polygon:
+class Polygon(Sized):
     """Parameters of a polygon.
 
     Parameters
@@ -37,7 +37,6 @@ class Polygon:
 
     corners: int | None = parameter(None)
     stretch: float | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     vertices: tuple[tuple[float, float], ...] | None = parameter(None, unit="length")
 
 
@@ -67,4 +66,4 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
     return sized(Outline("polygon", vertices=ring), parameters.diameter, name="polygon")
 
 
-registration = ShapeFamily(name="polygon", summary="simple polygon, in 2D", parameters=Polygon, make=make, dimension=2)
+registration = ShapeFamily(summary="simple polygon, in 2D", parameters=Polygon, make=make, dimension=2)

@@ -8,14 +8,14 @@ import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.hulls import MOST_POINTS, points_on_sphere
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class ConvexPolyhedron:
+class ConvexPolyhedron(Sized):
     """Parameters of a convex polyhedron.
 
     Parameters
@@ -24,8 +24,6 @@ class ConvexPolyhedron:
         number of random points, which become the vertices; from 4 to 100 000.
     aspect
         factors by which the hull is stretched along x, y and z.
-    diameter
-        equivalent diameter; default: 1.
 
     Examples
     --------
@@ -36,7 +34,6 @@ class ConvexPolyhedron:
 
     points: int = parameter(20)
     aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0))
-    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
@@ -47,9 +44,5 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="convex_polyhedron",
-    summary="convex hull of random points on a sphere",
-    parameters=ConvexPolyhedron,
-    make=make,
-    random=True,
+    summary="convex hull of random points on a sphere", parameters=ConvexPolyhedron, make=make, random=True
 )

@@ -21,7 +21,7 @@ from voxgran._base.arrays import Floats, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.boolean import united
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import unit_box
 
@@ -29,7 +29,7 @@ MOST_CUBES = 1000
 
 
 @parameter_class
-class CubeRain:
+class CubeRain(Sized):
     """Parameters of a rain of turned cubes.
 
     Parameters
@@ -42,8 +42,6 @@ class CubeRain:
         how deep a cube sinks into another, in edges of the smaller one; from 0.01 to 0.9.
     fall
         from where cubes fall: from all sides, or from above.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -61,7 +59,6 @@ class CubeRain:
     edges: tuple[float, float] = parameter((0.5, 1.0))
     overlap: float = parameter(0.3, at_least=0.01, at_most=0.9)
     fall: Literal["around", "down"] = parameter("around")
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check all parameters."""
@@ -132,7 +129,6 @@ def _interval(away: Floats, direction: Floats, edges: Floats, turns: Floats, ove
 
 
 registration = ShapeFamily(
-    name="cube_rain",
     summary="union of cubes of random size and orientation that fall on each other and stick",
     parameters=CubeRain,
     make=make,

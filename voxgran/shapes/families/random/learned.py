@@ -11,13 +11,13 @@ import numpy as np
 from voxgran._base.arrays import as_length
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.files import existing_file
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, Sized
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Learned:
+class Learned(Sized):
     """Parameters of a grain of a learned distribution.
 
     Parameters
@@ -43,7 +43,6 @@ class Learned:
     """
 
     model: ShapeModel | str = parameter()
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the diameter."""
@@ -72,9 +71,5 @@ def _loaded(path: str, changed: int, size: int) -> ShapeModel:
 
 
 registration = ShapeFamily(
-    name="learned",
-    summary="grain of a distribution that was learned from a sample",
-    parameters=Learned,
-    make=make,
-    random=True,
+    summary="grain of a distribution that was learned from a sample", parameters=Learned, make=make, random=True
 )

@@ -118,7 +118,6 @@ def _largest_d_8(spectrum: FourierSpectrum) -> float:
 
 
 registration = ShapeFamily(
-    name="mollon_zhao",
     summary="sand grain whose sections have given Fourier descriptors",
     parameters=MollonZhao,
     make=make,

@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.spherical_fields import field_values, random_coefficients
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -29,7 +29,7 @@ MOST_DEGREES = 120
 
 
 @parameter_class
-class NoiseStar:
+class NoiseStar(Sized):
     """Parameters of a Gaussian random sphere.
 
     Parameters
@@ -40,8 +40,6 @@ class NoiseStar:
         angle over which radii are correlated.
     subdivisions
         number of subdivisions of the icosahedron.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -58,7 +56,6 @@ class NoiseStar:
     deviation: float = parameter(0.2, at_least=0.0, at_most=1.0)
     correlation_angle: float = parameter(35.0, unit="degrees", at_least=8.0, at_most=180.0)
     subdivisions: int = parameter(4, at_least=2, at_most=6)
-    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: NoiseStar, generator: np.random.Generator) -> Shape:
@@ -85,7 +82,6 @@ def variances_of(deviation: float, correlation_angle: float) -> Floats:
 
 
 registration = ShapeFamily(
-    name="noise_star",
     summary="star-shaped grain whose radius is a log-normal random field",
     parameters=NoiseStar,
     make=make,

@@ -24,7 +24,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_number, as_posit
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import inlined_kernel, kernel
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, Sized
 from voxgran.shapes.generating.voxel_solid import mask_of_cubes, voxel_solid
 from voxgran.shapes.model import Shape
 
@@ -38,7 +38,7 @@ GAIN = 150.0
 
 
 @parameter_class
-class RandomGrowth:
+class RandomGrowth(Sized):
     """Parameters of random growth.
 
     Parameters
@@ -51,8 +51,6 @@ class RandomGrowth:
         rates of growth along x, y and z; default: equal; at most 10 times each other.
     aspect
         ratio of the axes, met by rates that are adjusted; at most 10 times each other.
-    diameter
-        equivalent diameter; default: 1.
     edge
         edge of a cube, in place of the diameter.
 
@@ -72,7 +70,6 @@ class RandomGrowth:
     power: float = parameter(1.0, at_least=-4.0, at_most=4.0)
     rates: tuple[float, float, float] | None = parameter(None)
     aspect: tuple[float, float, float] | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     edge: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
@@ -233,7 +230,6 @@ def _grow(cluster, draws, chance, rate, log_aspect, adjusted):  # type: ignore[n
 
 
 registration = ShapeFamily(
-    name="random_growth",
     summary="cluster of equal cubes that grows from one at random free places beside it",
     parameters=RandomGrowth,
     make=make,

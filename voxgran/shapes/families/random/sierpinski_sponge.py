@@ -28,7 +28,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Integers, as_count, as_share
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, Sized
 from voxgran.shapes.generating.voxel_solid import largest_piece, mask_of_cubes, voxel_solid
 from voxgran.shapes.model import Shape
 
@@ -37,7 +37,7 @@ MOST_ON_SIDE, MOST_CELLS = 256, 1_000_000
 
 
 @parameter_class
-class SierpinskiSponge:
+class SierpinskiSponge(Sized):
     """Parameters of a sponge.
 
     Parameters
@@ -56,8 +56,6 @@ class SierpinskiSponge:
         probability with which each cell stays, in place of a fixed number; only for 'random'.
     piece
         what is made of a sponge in several pieces: the largest one, or an error.
-    diameter
-        equivalent diameter; default: 1.
     edge
         edge of a smallest cube, in place of the diameter.
 
@@ -80,7 +78,6 @@ class SierpinskiSponge:
     removed: int | None = parameter(None)
     kept: float | None = parameter(None)
     piece: Literal["largest", "whole"] = parameter("largest")
-    diameter: float | None = parameter(None, unit="length")
     edge: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
@@ -205,7 +202,6 @@ def _check_levels(parameters: SierpinskiSponge) -> None:
 
 
 registration = ShapeFamily(
-    name="sierpinski_sponge",
     summary="sponge of cubes, Menger's or with cells removed at random on several levels",
     parameters=SierpinskiSponge,
     make=make,

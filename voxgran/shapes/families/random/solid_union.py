@@ -11,6 +11,14 @@ References
 ----------
 Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
 Discontinuous Materials: random shapes as unions of base solids on work planes of random orientation
+
+Flat facets in place of curved surfaces, as few as an error allows and without a bias of the volume.
+
+Facets inscribed in a sphere or cylinder take away from its volume. Here the circle of a cylinder or cone is replaced
+by the regular polygon of equal area, and the sphere by the geodesic polyhedron of equal volume: the surfaces of solid
+and facets cross each other, and the volume is exact. The error is the volume between both surfaces, on both sides,
+relative to the volume of the solid. For polygons of n sides it is close to 2.53 / n**2, for geodesic polyhedra of
+frequency f (20 f**2 faces) close to 0.118 / f**2: a fifth of what inscribed facets lack.
 """
 
 import math
@@ -23,14 +31,15 @@ from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_posit
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.geometry.rotation import random_rotations
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.boolean import united
-from voxgran.shapes.family import ShapeFamily, sized
-from voxgran.shapes.generating.facets import faceted
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.star import is_star_shaped
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
+from voxgran.shapes.tessellate import geodesic, revolved, unit_box
 
 N = TypeVar("N", int, float)
 Kind = Literal["box", "cylinder", "cone", "ellipsoid", "sphere"]
@@ -54,7 +63,7 @@ DRAWN: dict[Kind, tuple[str, ...]] = {
 
 
 @parameter_class
-class SolidUnion:
+class SolidUnion(Sized):
     """Parameters of a union of base solids.
 
     Parameters
@@ -79,8 +88,6 @@ class SolidUnion:
         diameter of spheres, a number or a range; default: lengths.
     chord_error
         volume between round base solids and their flat facets, relative to their volume.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -108,7 +115,6 @@ class SolidUnion:
     )
     sphere: float | tuple[float, float] | None = parameter(None)
     chord_error: float = parameter(2e-3, at_least=1e-5, at_most=COARSEST)
-    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -255,7 +261,6 @@ def _ends(value: N | tuple[N, N]) -> tuple[N, N]:
 
 
 registration = ShapeFamily(
-    name="solid_union",
     summary="union of random boxes, cylinders, cones, ellipsoids and spheres",
     parameters=SolidUnion,
     make=make,
@@ -264,3 +269,37 @@ registration = ShapeFamily(
     random=True,
     libraries=("manifold3d",),
 )
+
+
+#: largest product of the error of a geodesic polyhedron and the square of its frequency
+POLYHEDRON = 0.122
+
+
+def sides_for(error: float) -> int:
+    """Return the number of sides of a polygon that differs from the circle of equal area by at most an error."""
+    return max(3, math.ceil(math.sqrt(2.5326 / error + 2.15)))
+
+
+def frequency_for(error: float) -> int:
+    """Return the frequency of a geodesic polyhedron that differs by at most an error from the sphere of its volume."""
+    return math.ceil(math.sqrt(POLYHEDRON / error))
+
+
+def faceted(solid: Primitive, error: float) -> tuple[Floats, Integers]:
+    """Return vertices and faces of a solid with facets of exactly its volume.
+
+    `error` is the volume between the facets and the curved surface, relative to the volume of the solid.
+    """
+    d = solid.dimensions
+    if solid.kind == "box":
+        vertices, faces, _ = unit_box()
+        vertices = vertices * np.array(d)
+    elif solid.kind in ("sphere", "ellipsoid"):
+        vertices, faces = geodesic(frequency_for(error))
+        sixth = np.einsum("fi,fi->", normals_of(vertices[faces]), vertices[faces[:, 0]]) / 6
+        vertices = vertices * math.cbrt(4 / 3 * math.pi / sixth) * np.array(d * 3 if solid.kind == "sphere" else d)
+    else:
+        sides = sides_for(error)
+        wider = math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+        vertices, faces, _ = revolved([(z, wider * radius) for z, radius in solid.profile(sides)], sides=sides)
+    return vertices @ solid.matrix.T, faces

@@ -27,7 +27,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.lattice.label import components
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.base import check_base, made_base
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
@@ -41,7 +41,7 @@ ROUNDING = 1e-12
 
 
 @parameter_class
-class SphereAssembly:
+class SphereAssembly(Sized):
     """Parameters of an assembly of spheres.
 
     Parameters
@@ -61,8 +61,6 @@ class SphereAssembly:
     isolated
         what becomes of spheres apart from the others: they grow until all are one piece, or only the largest piece
         remains.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -85,7 +83,6 @@ class SphereAssembly:
     radii: float | tuple[float, float] = parameter((0.6, 0.9))
     overlap: float = parameter(0.2, at_least=0.0, at_most=0.9)
     isolated: Literal["connect", "remove"] = parameter("connect")
-    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and the base."""
@@ -174,7 +171,6 @@ def _points(base: Shape, spacing: float, arrangement: str, generator: np.random.
 
 
 registration = ShapeFamily(
-    name="sphere_assembly",
     summary="spheres at the voxels or mesh nodes of a volume, connected",
     parameters=SphereAssembly,
     make=make,

@@ -25,7 +25,7 @@ from voxgran._base.arrays import Floats, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.formats.mesh_files import WRITERS
 from voxgran.shapes.generating.base import check_base, made_base
@@ -48,7 +48,7 @@ HIGHEST = 64
 
 
 @parameter_class
-class SphericalHarmonics:
+class SphericalHarmonics(Sized):
     """Parameters of a grain from spherical harmonics.
 
     Parameters
@@ -65,8 +65,6 @@ class SphericalHarmonics:
         factors by which the grain is stretched along x, y and z.
     subdivisions
         number of subdivisions of the icosahedron.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -88,7 +86,6 @@ class SphericalHarmonics:
     exponent: float | None = parameter(None, at_least=0.0, at_most=20.0)
     aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0))
     subdivisions: int = parameter(4, at_least=2, at_most=6)
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the numbers and what the grain is like."""
@@ -156,7 +153,6 @@ def _given(like: str | Shape | Mapping[str, Any]) -> Shape:
 
 
 registration = ShapeFamily(
-    name="spherical_harmonics",
     summary="star-shaped grain of a given spectrum, of a power law or that of a scan",
     parameters=SphericalHarmonics,
     make=make,

@@ -19,7 +19,7 @@ import numpy as np
 
 from voxgran._base.arrays import as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.base import check_base, made_base
 from voxgran.shapes.generating.inflation import DEPTH, Inflation, inflated
 from voxgran.shapes.mesh import Mesh
@@ -30,7 +30,7 @@ TRIES = 50
 
 
 @parameter_class
-class Superspherize:
+class Superspherize(Sized):
     """Parameters of a volume inflated toward spheres.
 
     Parameters
@@ -49,8 +49,6 @@ class Superspherize:
         how far the centers lie from the centroid, as part of the way to a random point of the base.
     longest_edge
         longest edge of the mesh, in equivalent diameters of the base.
-    diameter
-        equivalent diameter; default: 1.
 
     Raises
     ------
@@ -73,7 +71,6 @@ class Superspherize:
     half_angles: float | tuple[float, float] = parameter((40.0, 110.0), unit="degrees")
     spread: float = parameter(0.5, at_least=0.0, at_most=1.0)
     longest_edge: float = parameter(0.08, at_least=0.01, at_most=0.5)
-    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and the base."""
@@ -122,7 +119,6 @@ def _ends(value: float | tuple[float, float]) -> tuple[float, float]:
 
 
 registration = ShapeFamily(
-    name="superspherize",
     summary="volume inflated toward random spheres",
     parameters=Superspherize,
     make=make,

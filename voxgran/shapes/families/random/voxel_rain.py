@@ -23,7 +23,7 @@ from voxgran._base.arrays import Booleans, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, Sized
 from voxgran.shapes.generating.voxel_solid import voxel_solid
 from voxgran.shapes.model import Shape
 
@@ -33,7 +33,7 @@ MOST_WIDE, MOST_CUBES, MOST_VOXELS = 1024, 5_000_000, 200_000_000
 
 
 @parameter_class
-class VoxelRain:
+class VoxelRain(Sized):
     """Parameters of a rain of cubes.
 
     Parameters
@@ -48,8 +48,6 @@ class VoxelRain:
         thickness of the plate on which they fall, in cubes; from 1 to 1024.
     deposition
         where a cube stays: where it first touches another, on its column, or on the lowest column near.
-    diameter
-        equivalent diameter; default: 1.
     edge
         edge of a cube, in place of the diameter.
 
@@ -70,7 +68,6 @@ class VoxelRain:
     base: Literal["rectangle", "ellipse"] = parameter("rectangle")
     plate: int = parameter(1, at_least=1, at_most=MOST_WIDE)
     deposition: Literal["ballistic", "random", "relaxed"] = parameter("ballistic")
-    diameter: float | None = parameter(None, unit="length")
     edge: float | None = parameter(None, unit="length")
 
 
@@ -168,7 +165,6 @@ def _fall(column, level, heights, row, rule, ties):  # type: ignore[no-untyped-d
 
 
 registration = ShapeFamily(
-    name="voxel_rain",
     summary="equal cubes that fall at random on a plate and on each other, and stick",
     parameters=VoxelRain,
     make=make,

@@ -3,20 +3,18 @@
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, regular_solid
+from voxgran.shapes.family import ShapeFamily, Sized, regular_solid
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Box:
+class Box(Sized):
     """Parameters of a box.
 
     Parameters
     ----------
     aspect
         ratios of the edge lengths; default: (1, 1, 1).
-    diameter
-        equivalent diameter; default: 1.
     lengths
         edge lengths; replace aspect and diameter.
 
@@ -28,7 +26,6 @@ class Box:
     """
 
     aspect: tuple[float, float, float] | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     lengths: tuple[float, float, float] | None = parameter(None, unit="length")
 
 
@@ -38,4 +35,4 @@ def make(parameters: Box, generator: np.random.Generator) -> Shape:
     return regular_solid("box", parameters, given=(("lengths", lengths),), lengths=lengths, ratios=ratios)
 
 
-registration = ShapeFamily(name="box", summary="cuboid with edges along x, y and z", parameters=Box, make=make)
+registration = ShapeFamily(summary="cuboid with edges along x, y and z", parameters=Box, make=make)

@@ -25,4 +25,4 @@ def make(parameters: Cone, generator: np.random.Generator) -> Shape:
     return round_solid("cone", parameters)
 
 
-registration = ShapeFamily(name="cone", summary="circular cone", parameters=Cone, make=make)
+registration = ShapeFamily(summary="circular cone", parameters=Cone, make=make)

@@ -6,20 +6,18 @@ import numpy as np
 
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, regular_solid
+from voxgran.shapes.family import ShapeFamily, Sized, regular_solid
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Cylinder:
+class Cylinder(Sized):
     """Parameters of a cylinder.
 
     Parameters
     ----------
     aspect
         ratio of the height to the diameter of the base; default: 1.
-    diameter
-        equivalent diameter; default: 1.
     radius
         radius of the base; with height, replaces aspect and diameter.
     height
@@ -33,7 +31,6 @@ class Cylinder:
     """
 
     aspect: float | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     radius: float | None = parameter(None, unit="length")
     height: float | None = parameter(None, unit="length")
 
@@ -52,4 +49,4 @@ def round_solid(kind: Literal["cylinder", "cone"], parameters: Cylinder) -> Shap
     return regular_solid(kind, parameters, given=given, lengths=lengths, ratios=(0.5, ratio))
 
 
-registration = ShapeFamily(name="cylinder", summary="circular cylinder", parameters=Cylinder, make=make)
+registration = ShapeFamily(summary="circular cylinder", parameters=Cylinder, make=make)

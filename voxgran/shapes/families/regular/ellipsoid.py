@@ -3,20 +3,18 @@
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, regular_solid
+from voxgran.shapes.family import ShapeFamily, Sized, regular_solid
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Ellipsoid:
+class Ellipsoid(Sized):
     """Parameters of an ellipsoid.
 
     Parameters
     ----------
     aspect
         ratios of the axes; default: (1, 0.8, 0.6).
-    diameter
-        equivalent diameter; default: 1.
     semi_axes
         lengths of the semi-axes; replace aspect and diameter.
 
@@ -28,7 +26,6 @@ class Ellipsoid:
     """
 
     aspect: tuple[float, float, float] | None = parameter(None)
-    diameter: float | None = parameter(None, unit="length")
     semi_axes: tuple[float, float, float] | None = parameter(None, unit="length")
 
 
@@ -38,4 +35,4 @@ def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:
     return regular_solid("ellipsoid", parameters, given=(("semi_axes", axes),), lengths=axes, ratios=ratios)
 
 
-registration = ShapeFamily(name="ellipsoid", summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)
+registration = ShapeFamily(summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)

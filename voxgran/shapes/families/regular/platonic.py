@@ -6,22 +6,20 @@ import numpy as np
 
 from voxgran._base.arrays import as_choice
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.generating.regular_solids import PlatonicSolid, corners_of
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 
 @parameter_class
-class Platonic:
+class Platonic(Sized):
     """Parameters of a Platonic solid.
 
     Parameters
     ----------
     solid
         which of the five Platonic solids.
-    diameter
-        equivalent diameter; default: 1.
 
     Examples
     --------
@@ -31,7 +29,6 @@ class Platonic:
     """
 
     solid: PlatonicSolid = parameter("icosahedron")
-    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
@@ -41,8 +38,5 @@ def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="platonic",
-    summary="tetrahedron, cube, octahedron, dodecahedron or icosahedron",
-    parameters=Platonic,
-    make=make,
+    summary="tetrahedron, cube, octahedron, dodecahedron or icosahedron", parameters=Platonic, make=make
 )

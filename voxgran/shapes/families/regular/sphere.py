@@ -3,13 +3,13 @@
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran.shapes.family import ShapeFamily, round_radius
+from voxgran.shapes.family import ShapeFamily, Sized, round_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
 
 @parameter_class
-class Sphere:
+class Sphere(Sized):
     """Parameters of a sphere.
 
     Parameters
@@ -26,7 +26,6 @@ class Sphere:
     4.1888
     """
 
-    diameter: float | None = parameter(None, unit="length")
     radius: float | None = parameter(None, unit="length")
 
 
@@ -36,4 +35,4 @@ def make(parameters: Sphere, generator: np.random.Generator) -> Shape:
     return Shape.of(Primitive("sphere", (radius,)), name="sphere")
 
 
-registration = ShapeFamily(name="sphere", summary="sphere", parameters=Sphere, make=make)
+registration = ShapeFamily(summary="sphere", parameters=Sphere, make=make)

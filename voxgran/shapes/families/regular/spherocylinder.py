@@ -66,6 +66,4 @@ def _solid(radius: float, height: float) -> Primitive:
     return Primitive("spherocylinder", (radius, length)) if length > 0 else Primitive("sphere", (radius,))
 
 
-registration = ShapeFamily(
-    name="spherocylinder", summary="cylinder with hemispherical ends", parameters=Spherocylinder, make=make
-)
+registration = ShapeFamily(summary="cylinder with hemispherical ends", parameters=Spherocylinder, make=make)

@@ -137,7 +137,6 @@ def _distance(points: Floats, axes: Floats, exponent: float) -> Floats:
 
 
 registration = ShapeFamily(
-    name="superquadric",
     summary="superquadric, from boxes and cylinders to ellipsoids, octahedra and stars",
     parameters=Superquadric,
     make=make,

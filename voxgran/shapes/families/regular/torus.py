@@ -90,4 +90,4 @@ def _mesh(major: float, minor: float, tolerance: float) -> Mesh:
     return Mesh(vertices, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int64))
 
 
-registration = ShapeFamily(name="torus", summary="ring of circular section", parameters=Torus, make=make)
+registration = ShapeFamily(summary="ring of circular section", parameters=Torus, make=make)

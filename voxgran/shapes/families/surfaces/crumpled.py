@@ -17,10 +17,10 @@ from voxgran._base.errors import InputError
 from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
 from voxgran.shapes.finer import cut_edges, edges_of
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: least distance of a plane from all vertices, in mean edges, so that no triangle is cut into slivers
 CLEAR = 1e-4
@@ -31,7 +31,7 @@ MOST_FOLDS = 400
 
 
 @parameter_class
-class Crumpled:
+class Crumpled(Sized):
     """Parameters of a crumpled sheet.
 
     Parameters
@@ -61,7 +61,6 @@ class Crumpled:
     fold_length: float = parameter(0.35, at_least=0.1, at_most=1.0)
     angles: tuple[float, float] = parameter((20.0, 90.0))
     aspect: tuple[float, float] = parameter((1.0, 1.0))
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -175,7 +174,6 @@ def folded(sheet: Folded, point: Floats, direction: Floats) -> Folded | None:
 
 
 registration = ShapeFamily(
-    name="crumpled",
     summary="open surface: a sheet folded along random straight lines without stretching",
     parameters=Crumpled,
     make=make,

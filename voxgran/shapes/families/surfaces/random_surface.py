@@ -9,9 +9,9 @@ import numpy as np
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: cells per shortest wavelength along each edge
 CELLS = 8
@@ -21,7 +21,7 @@ HIGHEST, MOST_WAVES, SHORTEST = 10.0, 10_000, 64.0
 
 
 @parameter_class
-class RandomSurface:
+class RandomSurface(Sized):
     """Parameters of a random surface.
 
     Parameters
@@ -53,7 +53,6 @@ class RandomSurface:
     height: float = parameter(0.15, at_least=0.0, at_most=HIGHEST)
     waves: int = parameter(6, at_least=1, at_most=MOST_WAVES)
     max_frequency: float = parameter(1.5, former="most", above=0.0, at_most=SHORTEST)
-    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
@@ -74,7 +73,6 @@ def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="random_surface",
     summary="open surface: a sheet whose height is a sum of random waves",
     parameters=RandomSurface,
     make=make,

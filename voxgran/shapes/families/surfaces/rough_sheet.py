@@ -9,12 +9,12 @@ from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import TooLargeError
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.fields import draw_field
 from voxgran.shapes.roughness.measuring import lattice_statistics, moments_of
 from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.roughness.roughen import MOST_FACES, ends_of
-from voxgran.shapes.surface import Surface
 
 #: cells along an edge at least, so that there is something to measure
 FEWEST = 8
@@ -97,7 +97,6 @@ def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="rough_sheet",
     summary="open surface: a rectangle whose height is a random field",
     parameters=RoughSheet,
     make=make,

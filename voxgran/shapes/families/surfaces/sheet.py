@@ -5,16 +5,16 @@ import numpy as np
 from voxgran._base.arrays import Integers, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.family import ShapeFamily, Sized, refuse_both, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: largest angle between adjacent strips of a rolled sheet, in degrees
 STRIP = 7.5
 
 
 @parameter_class
-class Sheet:
+class Sheet(Sized):
     """Parameters of a sheet.
 
     Parameters
@@ -43,7 +43,6 @@ class Sheet:
 
     aspect: tuple[float, float] | None = parameter(None)
     roll: float = parameter(0.0)
-    diameter: float | None = parameter(None, unit="length")
     lengths: tuple[float, float] | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
@@ -80,9 +79,5 @@ def lattice_faces(columns: int, rows: int) -> Integers:
 
 
 registration = ShapeFamily(
-    name="sheet",
-    summary="open surface: a rectangle without thickness, flat or rolled",
-    parameters=Sheet,
-    make=make,
-    is_open=True,
+    summary="open surface: a rectangle without thickness, flat or rolled", parameters=Sheet, make=make, is_open=True
 )

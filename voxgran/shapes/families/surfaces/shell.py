@@ -5,16 +5,16 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.family import ShapeFamily, Sized, sized
+from voxgran.shapes.mesh import Surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
 
 #: number of corners around the axis, and largest angle between adjacent rings in degrees
 SIDES, RING = 36, 10.0
 
 
 @parameter_class
-class Shell:
+class Shell(Sized):
     """Parameters of a shell.
 
     Parameters
@@ -37,7 +37,6 @@ class Shell:
     """
 
     opening: float = parameter(180.0)
-    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check that the shell is an open surface."""
@@ -65,9 +64,5 @@ def make(parameters: Shell, generator: np.random.Generator) -> Shape:
 
 
 registration = ShapeFamily(
-    name="shell",
-    summary="open surface: a part of a sphere without thickness",
-    parameters=Shell,
-    make=make,
-    is_open=True,
+    summary="open surface: a part of a sphere without thickness", parameters=Shell, make=make, is_open=True
 )
