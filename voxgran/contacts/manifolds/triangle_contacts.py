@@ -26,7 +26,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_pose,
     write_spread,
 )
-from voxgran.contacts.manifolds.triangle_depths import crossing_depths
+from voxgran.contacts.manifolds.triangle_depths import crossing_curve, crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import encloses
@@ -182,6 +182,7 @@ def _crossing_candidates(grains, work, p, i, j, offset, margin):  # type: ignore
     count, _, _ = near_triangles(grains, work, p, i, j, margin)
     if count > 0:
         k, least = crossing_depths(grains, work, count, i, j, margin)
+        k, least = crossing_curve(grains, work, count, i, j, k, least)
         if k > 0:
             return k, least
     k, _ = field_candidates(grains, work, p, i, j, offset, margin + OVERSIGHT)
