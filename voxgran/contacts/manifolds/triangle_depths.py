@@ -19,7 +19,7 @@ DEEPEST = 0.02
 #: share of the edges of a triangle by which a corner may lie beside it
 BESIDE = 1e-9
 #: least area of a curve in which surfaces cross that has a direction, in that of the circle of its length
-ROUND = 0.1
+ROUND = 0.02
 
 
 @bare_kernel
