@@ -342,3 +342,24 @@ def test_the_curve_in_which_surfaces_cross_leads_out_of_their_overlap():
         assert gap < 0.0
         found += 1
     assert found > 3
+
+
+def test_a_corner_that_rests_in_a_notch_of_another_rock_is_pushed_out_of_it(rocks):
+    """Edges that have just crossed point to all sides of it, and would hold the corner: found in a bed of rocks."""
+    shapes, bodies = rocks
+    turns = normalized(np.array([[0.122142, 0.124784, 0.354883, -0.918460], [0.746009, -0.020295, 0.279590, 0.604060]]))
+    way = np.array([0.381771, -0.825847, 0.442251])
+    scale = np.array([0.957052, 1.200645]) / [shape.diameter for shape in shapes]
+    grains, pairs = grains_of(shapes, [0, 1], [np.zeros(3), way], turns, scale), pairs_of([0], [1])
+    work = surface_work(bodies, 1)
+    # the second rock moves as far as the contacts ask for, as in rounds of parting
+    for _ in range(20):
+        rows = rows_of(MOST)
+        m = find_triangle_contacts(Search(grains, pairs, 5e-3, 1e-4), work, rows, 0)
+        if work.arrays.proven[0]:
+            break
+        normal = rows.row[:m, :3]
+        assert (normal @ normal[rows.row[:m, GAP].argmin()] >= 0.0).all()
+        grains.position[1] += np.linalg.lstsq(normal, np.maximum(-rows.row[:m, GAP], 0.0), rcond=None)[0]
+        grains.way[:] += 0.1
+    assert work.arrays.proven[0]
