@@ -333,7 +333,7 @@ def test_the_curve_in_which_surfaces_cross_leads_out_of_their_overlap():
         pair = np.stack(np.meshgrid(np.arange(many[0]), many[0] + np.arange(many[1]), indexing="ij"), axis=-1)
         work.found[: pair.size // 2, :2] = pair.reshape(-1, 2)
         write_pose(grains, 0, 1, tuple(way), work.now)
-        k, gap = crossing_curve(grains, work, pair.size // 2, 0, 1, 0, 1e9)
+        k, gap = crossing_curve(grains, work, pair.size // 2, 0, 1)
         assert k == 0 or overlap(way) > 0.0
         if k == 0:
             continue
