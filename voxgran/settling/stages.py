@@ -69,7 +69,7 @@ SPHERE_FALL: dict[str, Any] = {"step": 0.0625, "most": 0.0625}
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted, and pairs that are not proven to be separate, for each grain, with which
 #: parting may end: exact contacts part them
-CLOSING_ROUNDS, LEFT_OPEN = 12, 0.05
+CLOSING_ROUNDS, LEFT_OPEN = 12, 0.2
 #: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
 #: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
 NEARLY, ROOM_ROUNDS = 0.2, 3

@@ -1,5 +1,6 @@
 """Exact contacts of surfaces: gaps, normals and proofs are those of the general tests, edges and nested grains too."""
 
+import manifold3d
 import numpy as np
 import pytest
 from kit import hull, mesh_box
@@ -9,8 +10,9 @@ import voxgran as vg
 from voxgran.contacts.manifolds import surface_memory
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
 from voxgran.contacts.manifolds.rows import GAP, Search
-from voxgran.contacts.manifolds.surface_memory import surface_work
+from voxgran.contacts.manifolds.surface_memory import surface_work, write_pose
 from voxgran.contacts.manifolds.triangle_contacts import MOST, find_triangle_contacts, prove_separate
+from voxgran.contacts.manifolds.triangle_depths import crossing_curve
 from voxgran.geometry.rotation import normalized
 from voxgran.settling.impulses import rotate
 
@@ -289,3 +291,75 @@ def test_two_tetrahedra_edge_to_edge():
     rows, _, m = contacts(grains, surface_bodies([solid]), pairs_of([0], [1]), 1e-2)
     assert m == 1
     np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0.2, 0, top, 0, 0.3, -top, 2e-3], atol=1e-12)
+
+
+@pytest.mark.parametrize("depth", [0.03, 0.1, 0.3])
+def test_ridges_that_cross_deeply_push_each_other_back(depth):
+    """The ridge of each lies behind the other by more than depths are sought: the points nearest to crossing do not."""
+    points = np.array([[1, 0, 0], [-1, 0, 0], [0, 0.3, -1.5], [0, -0.3, -1.5]], dtype=float)
+    solid = vg.Shape.from_mesh(*hull(points)[:2])
+    top = float(solid.vertices[:, 2].max())
+    half = np.sqrt(0.5)
+    turns = np.array([[1, 0, 0, 0], [0, half, half, 0]])
+    grains = grains_of([solid], [0, 0], [[0, 0, 0], [0, 0, 2 * top - depth]], turns)
+    rows, work, m = contacts(grains, surface_bodies([solid]), pairs_of([0], [1]), 5e-3)
+    assert not work.arrays.proven[0]
+    deepest = rows.row[: max(m, 1), GAP].argmin()
+    assert rows.row[deepest, GAP] < -5e-3
+    np.testing.assert_allclose(rows.row[deepest, :3], [0, 0, 1], atol=1e-9)
+    assert (rows.row[:m, 2] > 0.0).all()
+
+
+def test_the_curve_in_which_surfaces_cross_leads_out_of_their_overlap():
+    """Its direction is that in which the volume of the overlap, by exact booleans, shrinks fastest."""
+    generator = np.random.Generator(np.random.Philox(7))
+    shapes = [vg.Shape.from_mesh(*hull(generator.normal(size=(8, 3)))[:2]) for _ in range(2)]
+    bodies, found = surface_bodies(shapes), 0
+    many = [len(shape.faces) for shape in shapes]
+    for _ in range(12):
+        turns = normalized(generator.normal(size=(2, 4)))
+        way = generator.normal(size=3)
+        way *= 0.5 * sum(shape.bounding_radius for shape in shapes) / np.linalg.norm(way)
+        grains = grains_of(shapes, [0, 1], [np.zeros(3), way], turns)
+        solids = [
+            manifold3d.Manifold(manifold3d.Mesh64(shape.vertices @ grains.matrix[k].T, shape.faces.astype(np.uint64)))
+            for k, shape in enumerate(shapes)
+        ]
+
+        def overlap(at, solids=solids):
+            return (solids[0] ^ solids[1].translate(at)).volume()
+
+        work = surface_work(bodies, 1).arrays
+        pair = np.stack(np.meshgrid(np.arange(many[0]), many[0] + np.arange(many[1]), indexing="ij"), axis=-1)
+        work.found[: pair.size // 2, :2] = pair.reshape(-1, 2)
+        write_pose(grains, 0, 1, tuple(way), work.now)
+        k, gap = crossing_curve(grains, work, pair.size // 2, 0, 1)
+        assert k == 0 or overlap(way) > 0.0
+        if k == 0:
+            continue
+        slope = np.array([overlap(way + 1e-4 * axis) - overlap(way - 1e-4 * axis) for axis in np.eye(3)]) / 2e-4
+        np.testing.assert_allclose(work.candidate[0, 3:6], -slope / np.linalg.norm(slope), atol=1e-4)
+        assert gap < 0.0
+        found += 1
+    assert found > 3
+
+
+def test_a_corner_that_rests_in_a_notch_of_another_rock_is_pushed_out_of_it(rocks):
+    """Edges that have just crossed point to all sides of it, and would hold the corner: found in a bed of rocks."""
+    shapes, bodies = rocks
+    turns = normalized(np.array([[0.122142, 0.124784, 0.354883, -0.918460], [0.746009, -0.020295, 0.279590, 0.604060]]))
+    way = np.array([0.381771, -0.825847, 0.442251])
+    scale = np.array([0.957052, 1.200645]) / [shape.diameter for shape in shapes]
+    grains, pairs = grains_of(shapes, [0, 1], [np.zeros(3), way], turns, scale), pairs_of([0], [1])
+    work = surface_work(bodies, 1)
+    # the second rock moves as far as the contacts ask for, as in rounds of parting
+    for _ in range(20):
+        rows = rows_of(MOST)
+        m = find_triangle_contacts(Search(grains, pairs, 5e-3, 1e-4), work, rows, 0)
+        if work.arrays.proven[0]:
+            break
+        normal = rows.row[:m, :3]
+        assert (normal @ normal[rows.row[:m, GAP].argmin()] >= 0.0).all()
+        grains.position[1] += np.linalg.lstsq(normal, np.maximum(-rows.row[:m, GAP], 0.0), rcond=None)[0]
+        grains.way[:] += 0.1
+    assert work.arrays.proven[0]

@@ -26,7 +26,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_pose,
     write_spread,
 )
-from voxgran.contacts.manifolds.triangle_depths import crossing_depths
+from voxgran.contacts.manifolds.triangle_depths import crossing_curve, crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import encloses
@@ -177,11 +177,13 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
 def _crossing_candidates(grains, work, p, i, j, offset, margin):  # type: ignore[no-untyped-def]
     """Write candidates of a pair that overlaps, the least gap at most 0; return number and gap.
 
-    They come from the triangles where surfaces cross a little, and else from the grids.
+    They come from the triangles where surfaces cross, and else from the grids.
     """
     count, _, _ = near_triangles(grains, work, p, i, j, margin)
     if count > 0:
         k, least = crossing_depths(grains, work, count, i, j, margin)
+        if k == 0:
+            k, least = crossing_curve(grains, work, count, i, j)
         if k > 0:
             return k, least
     k, _ = field_candidates(grains, work, p, i, j, offset, margin + OVERSIGHT)

@@ -2,21 +2,25 @@
 
 Where the distance of two surfaces has a minimum between a corner and a face, or between two edges, the height of the
 corner over the face and that of one edge over the other, with sign, go on through zero when the surfaces cross. A
-corner may lie behind several faces, of which the one that it leaves first counts.
+corner may lie behind several faces, of which the one that it leaves first counts. Where none of these is found, as
+where sharp ridges cross deeply, the curve in which the surfaces cross leads out of the overlap.
 """
 
 import math
 
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.rows import Grains
-from voxgran.contacts.manifolds.surface_memory import SurfaceWork
+from voxgran.contacts.manifolds.surface_memory import SurfaceWork, copy_numbers
 from voxgran.contacts.manifolds.triangle_features import is_minimum, place_triangle
-from voxgran.geometry.vectors import rotate, times, vector_at
+from voxgran.geometry.triangles import pierces
+from voxgran.geometry.vectors import along, corner_of, cross, dot, rotate, sub, times, vector_at
 
 #: depth up to which they are sought, in radii of the smaller grain
 DEEPEST = 0.02
 #: share of the edges of a triangle by which a corner may lie beside it
 BESIDE = 1e-9
+#: least area of a curve in which surfaces cross that has a direction, in that of the circle of its length
+ROUND = 0.02
 
 
 @bare_kernel
@@ -163,3 +167,57 @@ def crossing_depths(grains: Grains, work: SurfaceWork, count: int, i: int, j: in
         low = min(low, gap)
         kept += 1
     return (kept, low) if low < 0.0 else (0, 1e9)
+
+
+@bare_kernel
+def _segment(bodies, s, t, pose, placed, points):  # type: ignore[no-untyped-def]
+    """Write to points[6:12] the ends of the segment in which triangle s of i and the placed t of j cross.
+
+    It runs so that the part of i within j is on its left, seen from outside of i. Returns whether there is one.
+    """
+    ends = 0
+    for c in range(3):
+        for way in range(2):
+            one, a, other, b = (bodies.corner, s, placed, 0) if way == 0 else (placed, 0, bodies.corner, s)
+            if ends < 2 and pierces(one, a, c, other, b, points):
+                copy_numbers(points[6 + 3 * ends :], points, 3)
+                ends += 1
+    if ends < 2:
+        return False
+    run = cross(corner_of(bodies.pseudo, s, 0), rotate(pose[3:12].reshape((3, 3)), corner_of(bodies.pseudo, t, 0)))
+    if dot(run, sub(vector_at(points, 9), vector_at(points, 6))) < 0.0:
+        for c in range(6, 9):
+            points[c], points[c + 3] = points[c + 3], points[c]
+    return True
+
+
+@bare_kernel
+def crossing_curve(grains: Grains, work: SurfaceWork, count: int, i: int, j: int) -> tuple[int, float]:
+    """Write a candidate that leads out of the overlap of two meshes whose triangles cross; return 1 and its gap.
+
+    Half the sum of the cross products along the curve in which they cross is the direction in which the volume of the
+    overlap shrinks fastest as j moves. The depth is that of two ridges at right angles that cross in such an area, but
+    no more than is sought elsewhere. Returns 0 where there is no curve, or its parts point to both sides.
+    """
+    bodies, pose, points, unit = work.bodies, work.now, work.points, work.now[12]
+    area, centre, first, length = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
+    for q in range(count):
+        s, t = work.found[q, 0], work.found[q, 1]
+        place_triangle(bodies.corner, t, pose, pose[13] / unit, work.placed[0], 0)
+        if not _segment(bodies, s, t, pose, work.placed[0], points):
+            continue
+        begin, end = vector_at(points, 6), vector_at(points, 9)
+        if length == 0.0:
+            first = begin
+        way = sub(end, begin)
+        part = math.sqrt(dot(way, way))
+        area = along(area, 0.5, cross(sub(begin, first), way))
+        centre, length = along(centre, part, along(begin, 0.5, way)), length + part
+    size = math.sqrt(dot(area, area))
+    if size <= ROUND * length * length / (4.0 * math.pi):
+        return 0, 1e9
+    turn, row, deepest = grains.matrix[i], work.candidate[0], DEEPEST * min(grains.radius[i], grains.radius[j])
+    row[0], row[1], row[2] = times(rotate(turn, times(centre, 1.0 / length)), unit)
+    row[3], row[4], row[5] = rotate(turn, times(area, 1.0 / size))
+    row[6] = -min(math.sqrt(size) * unit, deepest)
+    return 1, row[6]
