@@ -126,7 +126,10 @@ def gauss_seidel_forces(
 
 
 @bare_kernel
-def fill_work(contacts, forces, openness, skin, share, rows, work):  # type: ignore[no-untyped-def]
+def fill_work(
+    contacts: LoadedContacts, forces: Floats, openness: Floats, skin: float, share: Floats, rows: Integers,
+    work: Floats,
+) -> None:  # fmt: skip
     """Write rows of `WORK` numbers of the contacts, in the order of `rows`.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
@@ -277,7 +280,7 @@ def _sweep(sweeps, backwards, begin, end):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def set_momentum(state, turned):  # type: ignore[no-untyped-def]
+def set_momentum(state: Floats, turned: float) -> None:
     """Write the next t and momentum, anew where the forces have turned back."""
     t = 1.0 if turned > 0.0 else state[0]
     state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
