@@ -1,6 +1,6 @@
 """The command line: its words, the help of each command with an example, and shell completion.
 
-An example of each command.
+The examples stand in a table, one for each command.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Type and registry of engines.
 
-Numbers and lines in the files of engines, and parts of their programs.
+Engines write numbers and lines of their files, and parts of their programs, by the functions of this file.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
