@@ -167,7 +167,7 @@ class ClumpMethod:
     `fit` takes the body, the number of spheres asked, the parameters and the seed. It returns at most that number.
     """
 
-    name: str = ""  # that of the file or entry point
+    name: str = ""  # the name of the file or entry point
     summary: str  # one line
     source: str  # reference
     parameters: type  # parameter class

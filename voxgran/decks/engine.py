@@ -46,7 +46,7 @@ class Engine:
     Attributes
     ----------
     name : str
-        Name in calls and scenes, which is that of the file or entry point.
+        Name in calls and scenes: the name of the file or entry point.
     title : str
         Name as its authors write it.
     summary : str

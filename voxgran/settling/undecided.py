@@ -1,10 +1,10 @@
 """Which grains rest under the best forces: a search in the whole bed, and clusters that are solved alone.
 
-A search in a whole bed comes near to the best forces slowly, and the bound of its error is that of all grains together.
-Grains that do not rest lie in small clusters, where two cheaper questions are asked. Can any forces of the neighbours
-hold the cluster? They are free where neighbours are fixed; where a grain then moves, no forces of the whole bed hold
-the cluster. And do its grains rest under the forces that are there, if those nearby change and all others are held?
-The search goes on for the grains for which both answers are no.
+A search in a whole bed converges slowly to the best forces, and its error is bounded for all grains together only.
+Grains that do not rest lie in small clusters, of which two questions are asked that cost less. First, can any forces of
+the neighbours hold the cluster? The neighbours are fixed, and their forces are free; if a grain moves even then, no
+forces of the whole bed hold the cluster. Second, do the grains of the cluster rest if only the forces nearby change?
+The search goes on for grains that are neither proven to move nor found to rest.
 """
 
 from typing import TypeAlias
