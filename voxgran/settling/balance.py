@@ -60,7 +60,7 @@ class LoadedContacts(NamedTuple):
 
 
 class Sweeps(NamedTuple):
-    """What sweeps work with.
+    """Arrays that the sweeps use.
 
     contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: (n + 1,
     8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) those of the
