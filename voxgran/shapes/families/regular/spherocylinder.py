@@ -33,7 +33,7 @@ class Spherocylinder:
     --------
     >>> import voxgran as vg
     >>> round(vg.shapes.spherocylinder(radius=1.0, height=2.0).volume, 2)
-    4.16
+    4.19
     """
 
     aspect: float | None = parameter(None, at_least=1.0)
