@@ -89,6 +89,14 @@ def test_files_of_meshes_with_a_tolerance_are_told_to_leave_it_out():
         vg.shapes.spherocylinder(aspect=2, tolerance=0.01)
 
 
+def test_a_pair_that_is_refused_is_named_once():
+    """Rods one in the other have several contacts."""
+    turn = (0.5**0.5, 0.5**0.5, 0, 0)
+    both = vg.Packing.of([ROD], vg.Box((9, 9, 9)), position=[(4, 4, 4)] * 2, orientation=[turn] * 2, gravity="-z")
+    with pytest.raises(vg.VoxgranError, match="grains 0 and 1 overlap by"):
+        vg.settle(both)
+
+
 def test_rods_on_rods_and_on_a_floor_lie_on_two_points():
     """Three rods lie across four others, and stay where they are laid."""
     turns = np.array([(0.5**0.5, 0, 0.5**0.5, 0)] * 4 + [(0.5**0.5, 0.5**0.5, 0, 0)] * 3)
