@@ -288,8 +288,10 @@ def refuse_deep(settler: Moving) -> None:
     """
     i, j, depth = settler.bed.deep_overlaps(DEEPEST)
     if len(i):
-        pairs = ", ".join(f"{a} and {b}" for a, b in zip(i[:NAMED], j[:NAMED], strict=True))
-        more = f" and {len(i) - NAMED} more pairs" if len(i) > NAMED else ""
+        # a pair may have several contacts
+        told = [f"{a} and {b}" for a, b in dict.fromkeys(zip(i.tolist(), j.tolist(), strict=True))]
+        pairs = ", ".join(told[:NAMED])
+        more = f" and {len(told) - NAMED} more pairs" if len(told) > NAMED else ""
         raise InputError(
             f"grains {pairs}{more} overlap by {depth.max():.2g} of their diameter: at most {DEEPEST:g} can be parted; "
             "move them apart"

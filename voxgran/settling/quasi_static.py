@@ -39,12 +39,12 @@ class SolverPreset:
     last: float  # of the last ones
     steps: int  # largest number of steps
     examined: int = 0  # steps between two examinations; 0: when hardly any grain moves
-    late: int = 0  # steps from which on steps become shorter
+    late: int = 0  # steps from which on steps become shorter; 0: when few grains move
     reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
 
 
 #: of spheres, disks, polygons and convex grains, whose steps become shorter only where a bed has not come to rest for
-#: long
+#: long: long grains may slip to and fro between two poses, one step each, for ever in steps of one length
 FRICTIONAL = SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75)
 #: of the same without friction, on soft contacts, whose lengths are compressions, which become less after so many steps
 #: at the latest; and of shapes that are not convex without friction

@@ -309,7 +309,7 @@ class Settler(Examined):
         )  # fmt: skip
         if preset.last > preset.first:
             progress.length = min(preset.last, LENGTHEN * progress.length)
-        elif moving < SLOW and progress.still_steps >= preset.late:
+        elif progress.still_steps >= preset.late and (moving < SLOW or preset.late):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps

@@ -78,6 +78,25 @@ def test_rods_rest_without_friction_and_below_a_heavy_lid(friction, lid):
     assert bed.verify().ok
 
 
+def test_long_rods_with_little_friction_rest():
+    """Steps of one length would move some of them to and fro between two poses for ever."""
+    bed = vg.pack(vg.shapes.spherocylinder(aspect=5), vg.Box((5, 5, 40)), "gravity", count=60, seed=2, friction=0.05)
+    assert bed.provenance["settling"]["resting"] >= 0.95
+
+
+def test_files_of_meshes_with_a_tolerance_are_told_to_leave_it_out():
+    with pytest.raises(vg.VoxgranError, match="tolerance is not a parameter: spherocylinders are exact; leave it out"):
+        vg.shapes.spherocylinder(aspect=2, tolerance=0.01)
+
+
+def test_a_pair_that_is_refused_is_named_once():
+    """Rods one in the other have several contacts."""
+    turn = (0.5**0.5, 0.5**0.5, 0, 0)
+    both = vg.Packing.of([ROD], vg.Box((9, 9, 9)), position=[(4, 4, 4)] * 2, orientation=[turn] * 2, gravity="-z")
+    with pytest.raises(vg.VoxgranError, match="grains 0 and 1 overlap by"):
+        vg.settle(both)
+
+
 def test_rods_on_rods_and_on_a_floor_lie_on_two_points():
     """Three rods lie across four others, and stay where they are laid."""
     turns = np.array([(0.5**0.5, 0, 0.5**0.5, 0)] * 4 + [(0.5**0.5, 0.5**0.5, 0, 0)] * 3)
