@@ -31,6 +31,7 @@ class Progress:
     length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
+    unchanged: int = 0  # examinations of soft contacts in a row after which no more grains rest
     falls: int = 0  # falls of a bed that had not come to rest
     iterations: int = 0  # of a quasi-static step
     owed: float = 1.0  # grains that should have arrived by now

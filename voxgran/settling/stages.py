@@ -83,8 +83,8 @@ SLOW, ENOUGH = 0.03, 0.025
 #: one from which on contacts are not compressed by gravity
 SINKING_ROUNDS, UNPROVEN, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 0.25, 0.9, 100.0
 #: from how many grains on a bed is left at the first examination that proves enough of them to rest, and steps after
-#: which contacts become harder then: to sink on costs much time, and changes little
-NUMEROUS, SOON = 5000, 10
+#: which contacts become harder then; examinations without gain after which a bed is left that rests as asked
+NUMEROUS, SOON, UNCHANGED = 5000, 10, 12
 
 
 class Settler(Examined):
@@ -390,10 +390,9 @@ class Settler(Examined):
         )  # fmt: skip
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
-        many = bed.count >= NUMEROUS
-        late = min(SOON, preset.late) if many else preset.late
-        overlap, long = deepest > preset.kept, progress.still_steps % late == 0
-        enough = min(ENOUGH, 1.0 - self.how.rest)
+        many, enough, best = bed.count >= NUMEROUS, min(ENOUGH, 1.0 - self.how.rest), progress.best
+        overlap, late = deepest > preset.kept, min(SOON, preset.late) if many else preset.late
+        long = progress.still_steps % late == 0
         wedged = overlap and (last or ((calm or long) and deepest > WEDGED * progress.length))
         if wedged:
             self._part_tightly()
@@ -406,7 +405,9 @@ class Settler(Examined):
                 self._examine(THOROUGH)
             # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
-            last = last or progress.trials > (0 if progress.moving <= UNPROVEN or many else TRIALS)
+            progress.unchanged = progress.unchanged + 1 if progress.best == best <= 1.0 - self.how.rest else 0
+            last |= progress.unchanged >= UNCHANGED
+            last |= progress.trials > (0 if progress.moving <= UNPROVEN or many else TRIALS)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
@@ -418,8 +419,8 @@ class Settler(Examined):
         progress = self.progress
         wrong = close_round(self.bed, first=progress.stage_step == 0 and not progress.trials)
         if progress.roomed < ROOM_ROUNDS and not progress.trials:
-            progress.roomed, progress.stage, progress.still_steps = progress.roomed + 1, STILL, 0
-            progress.length = ROOMED.first
+            progress.roomed, progress.still_steps = progress.roomed + 1, 0
+            progress.stage, progress.length = STILL, ROOMED.first
             return
         if wrong > LEFT_OPEN * self.bed.count and progress.stage_step + 1 < CLOSING_ROUNDS:
             return

@@ -184,6 +184,20 @@ def test_a_bed_of_many_grains_is_left_once_enough_of_them_rest(monkeypatch, coun
     assert ended == ([True] if ends else [])
 
 
+def test_a_bed_of_which_no_more_grains_come_to_rest_is_left_if_it_rests_as_asked(monkeypatch):
+    monkeypatch.setattr(stages, "soft_step", lambda bed, size, velocity, **how: (0.99, velocity, 4e-4))
+    for best, examinations in ((0.04, stages.UNCHANGED), (0.06, None)):
+        progress, ended = Progress(stage=stages.STILL, length=1e-4, best=best, moving=best), []
+        settler = SimpleNamespace(
+            progress=progress, bed=SimpleNamespace(count=100), how=SimpleNamespace(rest=0.95), _more_steps=9,
+            _examine=lambda iterations: None, _end=lambda begun, ended=ended: ended.append(begun),
+        )  # fmt: skip
+        while not ended and progress.still_steps < 200:
+            stages.Settler._sink(settler, stages.SOFT[0])
+        steps = stages.SOFT[0].examined * examinations if examinations else 200
+        assert (progress.still_steps, bool(ended)) == (steps, examinations is not None)
+
+
 def test_a_row_that_fits_between_walls_rests_without_overlap():
     # twelve disks between walls at the distance of twelve diameters keep no distance from each other
     bed = vg.pack(vg.make_shape("disk"), vg.Rectangle((12, 25)), "gravity", count=150, friction=0.0, seed=1)
