@@ -77,7 +77,6 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench twins -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
 	$(BIN)/voxgran bench jamming -o docs/figures
-	$(BIN)/voxgran bench twins -o docs/figures
 	$(BIN)/voxgran bench twin_loops -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
 	$(BIN)/voxgran bench shapes -o docs/figures

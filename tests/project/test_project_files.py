@@ -93,6 +93,15 @@ def test_every_room_has_its_question():
     assert HOUSE["questions"]().keys() == ROOMS().keys()
 
 
+def test_the_files_that_the_plan_of_the_house_names_exist():
+    rows = re.findall(r"^\| `(\w+)/`[^|]*\|[^|]*\|(.*)\|$", HOUSE["PLAN"].read_text(), flags=re.MULTILINE)
+    for room, names in (row for row in rows if row[0] in ROOMS()):
+        there = {path.stem for path in (ROOT / "voxgran" / room).rglob("*")}
+        # a key, a function, and folders elsewhere
+        others = {"kind", "measure", "report", "bench_peers"}
+        assert set(re.findall(r"`([a-z_]+)/?`", names)) - there <= others, room
+
+
 PAGES = ["CONTRIBUTING.md", "SECURITY.md", "docs/contribute/extending.md", "examples/plugin/about.md"]
 
 

@@ -348,6 +348,8 @@ def test_doctor_is_content(capsys):
         (["shape", "sphere", "more"], "'more' is one argument too many"),
         (["shape", "sphere", "--count", "-1"], "count is -1: it must be a whole number, at least 0"),
         (["shape", "sphere", "--count", "3", "-o", "a.stl"], "many shapes are written to a folder; name one, and"),
+        (["shape", "sphere", "--seed", "one"], "--seed is 'one': it must be a whole number; see"),
+        (["verify", "a.vtp", "--tolerance", "1mm"], "--tolerance is '1mm': it must be a number; see"),
         (["shape", "sphere", "--gallery", "a.jpg"], "pictures are kept as .png"),
         (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),

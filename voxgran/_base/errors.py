@@ -3,9 +3,8 @@
 Each subclasses the standard error that people catch, and each message is one sentence that names the
 value, the rule and the remedy. `exit_code` is what the command line returns: 2 for bad input, 1 for failure.
 
-Warnings that point at the line of the user, and those about former names, which are accepted for one release.
-
-Names that are unknown: which one was meant, by its spelling or by the words of other programs, and the message.
+Warnings point at the line of the user. Former names are accepted for one release, with a warning. Where a name is
+unknown, the message tells which one was meant, by its spelling or by the words of other programs.
 """
 
 import difflib

@@ -1,9 +1,9 @@
 """Registries that find what they hold: one file, one entry.
 
-A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
-`registration` is the entry ``"digital"``, which the registry gives that name. Where the files lie apart, a table names
+A registry looks in one package and in the packages inside it. The module-level `registration` of the file
+``digital.py`` is the entry ``"digital"``; the registry gives it this name. Where the files lie apart, a table names
 them. Files are imported when they are asked for, never before. Third parties add entries through an entry-point group,
-whose values point at such a registration; the name of the entry point is that of the entry.
+whose values point at such a registration; an entry has the name of its entry point.
 """
 
 import dataclasses

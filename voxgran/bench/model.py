@@ -44,7 +44,7 @@ DATA = PEERS.parent / "data"
 class TradeOff:
     """One registered trade-off."""
 
-    name: str = ""  # that of the file
+    name: str = ""  # the name of the file
     summary: str
     #: writes rows and a figure into a folder and returns the files
     run: Callable[[Path], tuple[Path, ...]]

@@ -1,6 +1,6 @@
 """What each command does: one function and one entry in :data:`COMMANDS`.
 
-Command that lists the files that come with the package, or copies one.
+The command `data` lists the files that come with the package, or copies one.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """The command line: its words, the help of each command with an example, and shell completion.
 
-An example of each command.
+The examples stand in a table, one for each command.
 """
 
 import argparse
@@ -35,6 +35,9 @@ class Parser(argparse.ArgumentParser):
         InputError
             Always.
         """
+        number = re.fullmatch(r"argument (?:\S+/)?(--\S+): invalid (int|float) value: (.*)", message, re.DOTALL)
+        if number:
+            message = f"{number[1]} is {number[3]}: it must be a {'whole ' * (number[2] == 'int')}number"
         short = re.sub(r"(\S{57})\S{4,}", r"\1...", message)
         raise InputError(f"{short}; see '{self.prog} --help'")
 

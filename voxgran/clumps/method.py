@@ -1,9 +1,8 @@
 """Type and registry of clump methods.
 
-The solid that a clump approximates, as all methods see it: of unit equivalent diameter, with its centroid at the
-origin.
-
-Methods ask for what they need and nothing else is computed: points on the surface, depths, voxels, medial spheres.
+All methods see the solid that a clump approximates as a `Body` of unit equivalent diameter, with its centroid at the
+origin. They ask it for what they need, and nothing else is computed: points on the surface, depths, voxels, medial
+spheres.
 """
 
 from collections.abc import Callable
@@ -168,7 +167,7 @@ class ClumpMethod:
     `fit` takes the body, the number of spheres asked, the parameters and the seed. It returns at most that number.
     """
 
-    name: str = ""  # that of the file or entry point
+    name: str = ""  # the name of the file or entry point
     summary: str  # one line
     source: str  # reference
     parameters: type  # parameter class

@@ -1,6 +1,6 @@
-"""What containers share that are known by their parameters, and what those of several walls do.
+"""What containers share: all those that are known by their parameters, and those of several walls.
 
-The space within walls: of revolution about one axis, or within planes, cylinders, cones and spheres.
+The space within the walls is a solid of revolution about one axis, or lies within planes, cylinders, cones and spheres.
 """
 
 import math

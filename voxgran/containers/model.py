@@ -1,6 +1,6 @@
 """Container: the region of space of a packing.
 
-Containers from plain mappings, as in scene files and saved packings, and the registry of their kinds.
+Containers are made from plain mappings, as in scene files and saved packings, by the registry of their kinds.
 """
 
 import inspect

@@ -1,6 +1,6 @@
 """Type and registry of engines.
 
-Numbers and lines in the files of engines, and parts of their programs.
+Engines write numbers and lines of their files, and parts of their programs, by the functions of this file.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -46,7 +46,7 @@ class Engine:
     Attributes
     ----------
     name : str
-        Name in calls and scenes, which is that of the file or entry point.
+        Name in calls and scenes: the name of the file or entry point.
     title : str
         Name as its authors write it.
     summary : str

@@ -3,11 +3,10 @@
 PLY and PCD are read and written here: Open3D's reader returns memory as it lies of a file that is cut, and dies of some
 that mix types; its writer reports success on a full disk. LAS is read by laspy where it is there.
 
-Points in text tables, with columns identified by their names or, without names, by their number.
+Text tables have columns that are identified by their names or, without names, by their number. They are not read by
+pandas, which fills rows that are too short with NaN instead of refusing a file that is cut.
 
-The reader is not that of pandas, which fills rows that are too short with NaN instead of refusing a file that is cut.
-
-A packing as a cloud of points on its grains.
+A packing is written as a cloud of points on its grains.
 """
 
 import logging

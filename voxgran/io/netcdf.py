@@ -2,7 +2,7 @@
 
 The engine is always named: without it xarray may fall back on one that turns integers into other integers unasked.
 
-Statistics (`xarray.DataTree`) as one table of CSV: a row for each number.
+The same statistics are also written as one table of CSV, with a row for each number.
 """
 
 import csv

@@ -4,7 +4,7 @@ Arrays carry what must be exact and may be long: poses, mesh vertices and faces,
 whose numbers Python writes so that they read back to the same bits: primitives, container, provenance. A container that
 is a closed mesh is kept as one shape more, after those of the grains.
 
-Fields of packings that files of earlier versions hold in their provenance; nothing else reads them there.
+Files of earlier versions have some fields of a packing in their provenance; nothing else reads them there.
 """
 
 import dataclasses

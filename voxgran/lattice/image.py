@@ -1,9 +1,8 @@
 """An image with what is known of its lattice, and the edges of voxels that functions of images take.
 
-Images in blocks: dask arrays, which may be larger than the memory.
-
-Work on blocks is left to dask, which runs it by its scheduler: threads, or the cluster that a client of `distributed`
-has connected. What is needed several times, such as numbers of bodies, is kept in a temporary folder.
+Images in blocks are dask arrays, which may be larger than the memory. Work on blocks is left to dask, which runs it by
+its scheduler: threads, or the cluster that a client of `distributed` has connected. What is needed several times, such
+as numbers of bodies, is kept in a temporary folder.
 """
 
 import math

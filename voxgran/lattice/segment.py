@@ -1,10 +1,9 @@
 """Segmentation of grey images: threshold, removal of noise and watershed, by scikit-image; how good it is, by necks.
 
-Bodies, distances and basins of images in blocks, for :func:`voxgran.segment`.
-
-Each block is flooded with what lies around it, as wide as the largest grain. Seeds have the numbers of the whole image,
-so that the basins of blocks fit together; a voxel may belong to another basin than in memory only where two basins
-reach it at the same level, or where a plateau of the distance is wider than these surroundings.
+Of an image in blocks, each block is flooded together with its surroundings, which are as wide as the largest grain.
+Seeds have the numbers of the whole image, so that the basins of blocks fit together; a voxel may belong to another
+basin than in memory only where two basins reach it at the same level, or where a plateau of the distance is wider than
+these surroundings.
 """
 
 import itertools

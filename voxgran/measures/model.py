@@ -39,7 +39,7 @@ def _always(packing: Packing) -> bool:
 class Measure:
     """One registered measure."""
 
-    name: str = ""  # that of the file or entry point
+    name: str = ""  # the name of the file or entry point
     summary: str  # description in one line
     groups: tuple[str, ...]  # groups of the tree that it adds variables to
     compute: Callable[[Packing], Groups]

@@ -1,9 +1,8 @@
 """The pore space of a packing as voxels: between the grains, within the walls and below the surface of a bed.
 
-Pore sizes between spheres or disks, and walls in closed form, whose distances are known exactly.
-
-The sphere about a voxel of the ridge of the pores gets the place and the radius of the largest sphere of pores whose
-center lies in the voxel, by a search of ever shorter steps. A wide pore has its diameter, wherever the lattice lies.
+Between spheres or disks, and walls in closed form, pore sizes come from exact distances. The sphere about a voxel of
+the ridge of the pores gets the place and the radius of the largest sphere of pores whose center lies in the voxel, by a
+search of ever shorter steps. A wide pore has its diameter, wherever the lattice lies.
 """
 
 import math

@@ -4,11 +4,10 @@ In boxes and rectangles a region is a box, and the solid volume is that of :mod:
 cylinder are cut by slices. All other cases, in two dimensions all disks and polygons as containers, are sampled: each
 grain is represented by random points of equal weight in fine voxels of its shape, and the standard error is given.
 
-Volume of spheres inside an upright cylinder, by slices across its axis.
-
-A slice of the sphere and a slice of the cylinder are disks, whose common area is a closed form. Over the height it is
-smooth but for half-integer powers at the ends of the sphere and where the two circles touch; between these heights the
-substitution ``sin`` makes it analytic, and Gauss-Legendre quadrature converges exponentially.
+The volume of spheres inside an upright cylinder is integrated over slices across its axis. A slice of the sphere and a
+slice of the cylinder are disks, whose common area is a closed form. Over the height it is smooth but for half-integer
+powers at the ends of the sphere and where the two circles touch; between these heights the substitution ``sin`` makes
+it analytic, and Gauss-Legendre quadrature converges exponentially.
 """
 
 import math

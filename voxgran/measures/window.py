@@ -6,7 +6,7 @@ volumes are exact. An ellipsoid is mapped linearly to a sphere; a mesh is cut tr
 are cut as inscribed prisms and pyramids of FINE sides; the error is at most the volume between the two and is given.
 The union of overlapping grains other than spheres is computed from triangles (:mod:`voxgran.measures.overlap`).
 
-Spheres near a box, found from their order along each axis, so that thin slices do not visit all spheres.
+The spheres near a box are found from their order along each axis, so that thin slices do not visit all spheres.
 """
 
 import math

@@ -174,7 +174,7 @@ class PackingMethod:
     Attributes
     ----------
     name, summary, source : str
-        Name, which is that in the table of methods or of the entry point, one line, and the paper with its DOI.
+        Name (from the table of methods, or of the entry point), one line, and the paper with its DOI.
     parameters : type
         Parameter class; it defines TOML keys, flags, help and provenance.
     prepare : callable

@@ -1,6 +1,6 @@
 """Colouring of grains: one value per grain, with name and unit.
 
-What the colours of a picture mean: entries of a legend, or a colour bar, in a strip at the lower edge.
+Entries of a legend, or a colour bar, in a strip at the lower edge of a picture tell what its colours mean.
 """
 
 from collections.abc import Mapping, Sequence

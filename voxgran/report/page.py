@@ -3,7 +3,7 @@
 Pictures and plots are embedded in the file, which loads no other resource and adapts to light and dark backgrounds and
 to wide and narrow windows.
 
-Machine-readable contents of a page: all its numbers as JSON.
+All numbers of a page are in it as JSON, too, for programs that read it.
 """
 
 import base64

@@ -3,7 +3,8 @@
 The lightness of the colours increases evenly (viridis). Each function returns the picture as an (h, w, 3) array of
 bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 
-Close-ups of one grain: among its neighbours with the contact points, alone as it lies there, and its numbers.
+Close-ups of one grain show it among its neighbours with the contact points, and alone as it lies there, with its
+numbers.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Sections of a scene, checked, and the file that has them.
 
-What becomes of grains after they are packed: the sections [settle], [compress] and [measure] of a scene.
+The sections [settle], [compress] and [measure] of a scene say what becomes of grains after they are packed.
 """
 
 import os

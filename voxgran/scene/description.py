@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_share, check_type
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, UnknownNameError, check_known
+from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest
 from voxgran._base.files import existing_file
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.model import Container, make_container
@@ -400,8 +400,9 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
 def _method(packing: Mapping[str, Any]) -> tuple[str, type, dict[str, Any]]:
     """Return the method that [packing] names, the class of its parameters and those that are given."""
     if packing.get("method") is None:
-        known = ", ".join(method_registry().names())
-        raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
+        known, near = ", ".join(method_registry().names()), nearest("method", packing)
+        other = f" but {near!r}" if near else ""
+        raise InputError(f"[packing] has no method{other}: a scene is packed by one; add method, one of {known}")
     if "settle" in packing:
         raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
     parameters, beside = method_registry().get(packing["method"]).parameters, names_of(Packed)

@@ -6,8 +6,8 @@ quasi-static step of length dt moves bodies by a dt^2 from rest, so that its con
 dt^2 + skin f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as
 f_n, a number for all contacts or one for each. Without the gaps it is the question whether the bodies rest.
 
-With the law of Coulomb sliding does not open contacts, so that it is no convex problem; the convex one that is next to
-it proves whether bodies rest (:mod:`voxgran.settling.projected_gradient`). The sweeps have the momentum of Nesterov
+With the law of Coulomb sliding does not open contacts, so that the problem is not convex. A convex problem close to it
+proves whether bodies rest (:mod:`voxgran.settling.projected_gradient`). The sweeps have the momentum of Nesterov
 with restarts (O'Donoghue & Candes 2015, doi:10.1007/s10208-013-9150-3).
 """
 
@@ -60,7 +60,7 @@ class LoadedContacts(NamedTuple):
 
 
 class Sweeps(NamedTuple):
-    """What sweeps work with.
+    """Arrays that the sweeps use.
 
     contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: (n + 1,
     8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) those of the

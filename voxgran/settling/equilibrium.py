@@ -92,10 +92,9 @@ def equilibrium(
     here, since its weight is not known. A contact presses, it does not pull, and its force across the normal is at most
     `friction` times that along it. Where no such forces balance all grains, those are returned for which the sum of
     squared residuals, weighted by mass, is least. Forces that balance are in general not unique; the least residuals
-    are. A grain that does not rest is one whose least residual is above the tolerance: no forces balance all grains,
-    and it is among those that the best ones leave over. Forces that are found come near to the best ones: grains that
-    rest do so under them, and of the others those are undecided whose residual is above the tolerance by less than its
-    estimated error.
+    are. A grain does not rest if its least residual is above the tolerance; no forces then balance all grains. The
+    forces that are found are close to the best ones. Grains at rest are in balance under the forces that are found. A
+    grain is undecided if its residual under these forces is above the tolerance by less than the estimated error.
 
     Parameters
     ----------

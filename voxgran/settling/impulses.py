@@ -247,9 +247,9 @@ def normal_velocity(row: Floats, b: Floats, arm: int) -> float:
 
 
 class StepWork(NamedTuple):
-    """What the phases of a step work with.
+    """Arrays that the phases of a step use.
 
-    found: (m, 16) rows as they were found, rows: the same in the order of the rounds.  part, approach: those of
+    found: (m, 16) rows as they were found, rows: the same in the order of the rounds.  part, approach: as in
     `advance_bodies`.  free: (n + 1, 6) velocities before the contacts act, those of free motion in a substep.  moved:
     (n + 1, 6) motions within a substep.
     """

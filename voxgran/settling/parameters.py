@@ -1,6 +1,7 @@
-"""Parameters of settling: how grains fall, rub, are shaken and pressed, and what counts as rest.
+"""Parameters of settling and of compression.
 
-Parameters of compression: the stress, the axes that move, friction, and what counts as balanced.
+The parameters of settling say how grains fall, rub, are shaken and pressed, and what counts as rest. The parameters of
+compression are the stress, the axes that move, friction, and what counts as balanced.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Forces at contacts, within their friction cones, that balance the weights of grains best.
 
-Half the sum of squared accelerations, weighted by mass and moment of inertia, is minimised over the friction cones: a
-convex problem, other than that of the law of Coulomb (:mod:`voxgran.settling.balance`). If grains can rest, it finds
-forces with which they do.
+Half the sum of squared accelerations, weighted by mass and moment of inertia, is minimised over the friction cones.
+Unlike the law of Coulomb (:mod:`voxgran.settling.balance`), this is a convex problem. If grains can rest, its solution
+has forces with which they do.
 
 References
 ----------
@@ -39,9 +39,8 @@ def accelerated_projected_gradient(
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
-    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and about how far the
-    accelerations are from those of the optimum, which are unique: the root mean square of the difference, weighted by
-    mass.
+    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and an estimate of how far the
+    accelerations are from the optimal ones, which are unique: the root mean square of the difference, weighted by mass.
 
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
     points at the radius of gyration; one for all, or (n + 1, 2).  near: they also end at this distance from the

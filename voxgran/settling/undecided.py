@@ -1,10 +1,10 @@
 """Which grains rest under the best forces: a search in the whole bed, and clusters that are solved alone.
 
-A search in a whole bed comes near to the best forces slowly, and the bound of its error is that of all grains together.
-Grains that do not rest lie in small clusters, where two cheaper questions are asked. Can any forces of the neighbours
-hold the cluster? They are free where neighbours are fixed; where a grain then moves, no forces of the whole bed hold
-the cluster. And do its grains rest under the forces that are there, if those nearby change and all others are held?
-The search goes on for the grains for which both answers are no.
+A search in a whole bed converges slowly to the best forces, and its error is bounded for all grains together only.
+Grains that do not rest lie in small clusters, of which two questions are asked that cost less. First, can any forces of
+the neighbours hold the cluster? The neighbours are fixed, and their forces are free; if a grain moves even then, no
+forces of the whole bed hold the cluster. Second, do the grains of the cluster rest if only the forces nearby change?
+The search goes on for grains that are neither proven to move nor found to rest.
 """
 
 from typing import TypeAlias
@@ -16,11 +16,11 @@ from voxgran.settling.balance import LoadedContacts, masses_of, net_acceleration
 from voxgran.settling.cell import INVERSE_MASS, INVERSE_MOMENT
 from voxgran.settling.projected_gradient import accelerated_projected_gradient, excess_at
 
-#: iterations of the first round, after which each has twice as many; share of the grains that is few: clusters are
-#: solved where no more move; share below which grains are left undecided, and part to which a round must lessen them
+#: iterations of the first round, while each further round has twice as many; largest share of moving grains with which
+#: clusters are solved; share of undecided grains below which the search ends, and part to which a round must reduce it
 FIRST, FEW, ENOUGH, FEWER = 512, 0.02, 5e-4, 0.5
-#: contacts away from grains in question up to which grains move with them where those around are fixed, one more in
-#: each round, and up to which forces change where others are held; most iterations, which take less than the round
+#: size of a cluster about the grains in question, in contacts: of a cluster among fixed neighbours, one more in each
+#: round, and of a cluster whose forces change while all others are held; most iterations for each
 ALONE, HELD, LOCAL = 1, 4, 2048
 #: an acceleration that none exceeds
 ANY = 1e30

@@ -30,7 +30,7 @@ class ShapeFamily:
     Attributes
     ----------
     name, summary : str
-        Name, which is that of the file or entry point, and description in one line.
+        Name (the name of the file or entry point) and description in one line.
     parameters : type
         Parameter class, from which TOML keys, flags, help and provenance are derived.
     make : callable

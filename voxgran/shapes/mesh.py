@@ -1,8 +1,7 @@
 """A closed triangle mesh as the true geometry of a grain, and the convex hull of points as such a mesh.
 
-A surface of triangles as the true geometry of a grain: a sheet, a shell or a skin, without interior.
-
-Common bases of geometries: moments, and triangles of closed and open surfaces.
+An open surface of triangles is the true geometry of a sheet, a shell or a skin, without interior. Common bases of
+geometries give moments, and triangles of closed and open surfaces.
 """
 
 from dataclasses import dataclass

@@ -4,11 +4,10 @@ Two values of the axis are compared by Welch's t-test, all of them by the test o
 combination of the other axes, and pooled over all combinations as blocks. The runs of a cell, one for each seed, are
 its independent samples.
 
-By how much the values of groups differ: the test of Kruskal and Wallis for several of them, Hedges' g for two.
-
-In several blocks the test ranks values within each, so that what blocks differ in does not count. Its statistic
-compares the sums of ranks with those expected, by their covariances under permutation within the blocks: in one block
-it is that of Kruskal and Wallis, with one value of each group in each block that of Friedman.
+The test of Kruskal and Wallis tells whether the values of several groups differ, and Hedges' g by how much the values
+of two groups do. In several blocks the test ranks values within each, so that what blocks differ in does not count. Its
+statistic compares the sums of ranks with those expected, by their covariances under permutation within the blocks: in
+one block it is that of Kruskal and Wallis, with one value of each group in each block that of Friedman.
 
 References
 ----------

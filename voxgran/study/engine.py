@@ -1,6 +1,6 @@
 """Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered.
 
-The folder of a study: one file for each run that is finished, under the hash of its scene, written whole.
+The folder of a study has one file for each run that is finished, under the hash of its scene, written whole.
 """
 
 import contextlib

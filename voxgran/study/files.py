@@ -1,9 +1,7 @@
 """Files that a scene names: as absolute paths, and as hashes of their bytes, so that results know what they are of.
 
-The canonical form of a scene: values that are written differently and mean the same give the same scene.
-
-Values that equal their defaults are left out, whole numbers are integers, and sections that change no result of a study
-are dropped.
+In the canonical form of a scene, values that are written differently and mean the same are equal. Values that equal
+their defaults are left out, whole numbers are integers, and sections that change no result of a study are dropped.
 """
 
 import hashlib

@@ -1,6 +1,6 @@
 """Page of a study: figures, cells and comparisons in one self-contained HTML file, and the same numbers as csv.
 
-Table of the cells of a study: one row for each cell, with means, errors and intervals of all its numbers.
+Its table has one row for each cell, with means, errors and intervals of all numbers.
 """
 
 import csv

@@ -1,6 +1,6 @@
 """One run of a study, a cell with a seed: what is asked for, how it is computed, and what it leaves.
 
-Checkpoints of runs of a study: a run that was ended with its process goes on from its last one.
+Runs write checkpoints: a run that was ended with its process goes on from its last one.
 """
 
 import contextlib

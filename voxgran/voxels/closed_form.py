@@ -3,11 +3,10 @@
 A column of voxel centers meets a convex solid in one interval, whose ends are roots of a quadratic; the bits between
 are set word by word. Centers on the surface of a round solid count as inside.
 
-Whether cubes meet an ellipsoid, a cylinder or a cone, exactly up to round-off.
-
-In the frame in which an ellipsoid is the unit sphere a cube is a parallelepiped, and its nearest point to the middle
-lies inside it, in a face, on an edge or at a corner: each is tried. A cylinder is looked at along its axis and a cone
-from its apex; both are disks then, and the part of the cube between the ends of the solid is a convex polygon.
+Whether a cube meets an ellipsoid, a cylinder or a cone is decided exactly up to round-off. In the frame in which an
+ellipsoid is the unit sphere a cube is a parallelepiped, and its nearest point to the middle lies inside it, in a face,
+on an edge or at a corner: each is tried. A cylinder is looked at along its axis and a cone from its apex; both are
+disks then, and the part of the cube between the ends of the solid is a convex polygon.
 """
 
 import itertools

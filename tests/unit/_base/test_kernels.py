@@ -106,7 +106,7 @@ def test_unknown_names_get_the_nearest():
 def test_a_table_names_the_files_of_entries():
     box = Registry("form", "voxgran.shapes", object, group="none", files={"cuboid": "families.regular.box"})
     assert box.names() == ("cuboid",)
-    assert box.get("cuboid").name == "box"
+    assert box.get("cuboid").name == "cuboid"
 
 
 @kernel

@@ -27,8 +27,8 @@ PLACES = {
     ("decks/relax.py", "_remove"): "a temporary folder of its own",
     ("io/series.py", "_remove"): "the name of a snapshot, and the seal of a packing",
     ("study/engine.py", "run_study"): "a folder that it has made, if it is empty",
-    ("study/checkpoints.py", "remove"): "the time beside a checkpoint: a number",
-    ("study/checkpoints.py", "marked"): "the mark of this study, by its text",
+    ("study/runs.py", "remove"): "the time beside a checkpoint: a number",
+    ("study/runs.py", "marked"): "the mark of this study, by its text",
 }
 
 

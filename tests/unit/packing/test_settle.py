@@ -186,7 +186,7 @@ def test_a_step_that_is_stopped_in_its_midst_begins_again(stops, monkeypatch):
 
     while not whole.settler.ended:
         whole.settler.step()
-    monkeypatch.setattr("voxgran.settling.balance.stop_if_asked", stop)
+    monkeypatch.setattr("voxgran.settling.projected_gradient.stop_if_asked", stop)
     while not stopped.settler.ended and interrupted < 1000:
         before = {name: np.array(array).tobytes() for name, array in stopped.settler.arrays.items()}
         try:
@@ -194,9 +194,9 @@ def test_a_step_that_is_stopped_in_its_midst_begins_again(stops, monkeypatch):
         except Stopped:
             interrupted += 1
             assert {name: np.array(array).tobytes() for name, array in stopped.settler.arrays.items()} == before
-            monkeypatch.setattr("voxgran.settling.balance.stop_if_asked", lambda: None)
+            monkeypatch.setattr("voxgran.settling.projected_gradient.stop_if_asked", lambda: None)
             stopped.settler.step()
-            monkeypatch.setattr("voxgran.settling.balance.stop_if_asked", stop)
+            monkeypatch.setattr("voxgran.settling.projected_gradient.stop_if_asked", stop)
     assert interrupted > 0
     assert stopped.settler.bed.poses()[0].tobytes() == whole.settler.bed.poses()[0].tobytes()
 

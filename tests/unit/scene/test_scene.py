@@ -116,7 +116,8 @@ def test_plan_refuses_what_cannot_fit_in_memory(write):
     [
         ("voxel_size = 0.1", "voxel_sizee = 0.1", UnknownNameError, "did you mean 'voxel_size'"),
         ('method = "digital"', 'method = "digitl"', UnknownNameError, "did you mean 'digital'"),
-        ('method = "digital"', "", InputError, "has no method"),
+        ('method = "digital"', "", InputError, "has no method:"),
+        ('method = "digital"', 'metod = "digital"', InputError, "has no method but 'metod': a scene"),
         ("[packing]", "[pakcing]", UnknownNameError, "did you mean 'packing'"),
         ('family = "sphere"', 'family = "spere"', UnknownNameError, "did you mean 'sphere'"),
         ('kind = "fixed"', 'kind = "fixd"', UnknownNameError, "did you mean 'fixed'"),

@@ -252,7 +252,6 @@ def test_a_bed_that_cannot_be_parted_far_is_parted_a_little_and_not_put_back(res
         return -1e-5 if distance > 1e-9 else part_grains(bed, distance, rounds, **more)
 
     monkeypatch.setattr("voxgran.settling.examination.part_grains", part)
-    monkeypatch.setattr("voxgran.settling.stages.part_grains", part, raising=False)
     settler.progress.best, settler.progress.best_position = 1.0, np.zeros((0, 3))
     settler.progress.falls = 1
     settler._judge(settler._preset, last=True)

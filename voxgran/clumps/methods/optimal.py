@@ -9,7 +9,7 @@ than asked are added, and those that matter least removed. Powers of
 the distance below 2 are weights that change from step to step. At the end one change of all radii gives the union the
 volume of the solid.
 
-Spheres inside a solid that touch and do not overlap, for agglomerates that may break.
+For agglomerates that may break, the spheres lie inside the solid, touch each other and do not overlap.
 
 Spheres of free size: each is the largest for which there is room, as in an Apollonian packing. Spheres of equal size:
 the points of a hexagonal close packing that lie deep enough inside the solid, each with up to twelve contacts.

@@ -1,8 +1,8 @@
-"""Rounds of contacts: those of a round are in sets that have no body in common, and can be solved at the same time.
+"""Rounds of contacts. The contacts of a round are in sets that have no body in common and can be solved at once.
 
-Bodies that follow each other form blocks. The contacts within blocks are the first round, those between two blocks the
-further rounds, in each of which no block occurs twice. Rounds depend on the contacts only, so that results have the
-same bits for any number of threads.
+Bodies that follow each other form blocks. The contacts within blocks are the first round. The contacts between two
+blocks are further rounds, in each of which no block occurs twice. Rounds depend on the contacts only, so that results
+have the same bits for any number of threads.
 """
 
 from typing import NamedTuple
@@ -33,7 +33,7 @@ class Rounds(NamedTuple):
 def rounds_of(i: Integers, j: Integers, bodies: int, *, shared: bool = False) -> Rounds:
     """Return the rounds of contacts (m,), (m,) of bodies; j is negative at a wall, which does not move.
 
-    shared: whether there is something else that all contacts move; then they are a single set, as those of few bodies.
+    shared: whether there is something else that all contacts move; then, and with few bodies, they are a single set.
     """
     blocks = 1 if shared else block_count(bodies)
     first = np.arange(blocks + 1) * bodies // blocks

@@ -1,12 +1,12 @@
 """Kratos Multiphysics: spheres and rigid clusters of the DEMApplication, with a script that runs them.
 
+Spheres, clusters and walls have materials of Kratos, with contact laws between them.
+
 References
 ----------
 Kratos DEMApplication 10.4: `DEM_analysis_stage.py`, `sphere_strategy.py`, `cluster_file_reader.py`, `cluster3D.cpp`,
 `dem_d_linear_custom_constants_cl.cpp`, `DEM_D_Hertz_viscous_Coulomb_CL.cpp` and `DEM_D_DMT_cohesive_law.cpp` of
 https://github.com/KratosMultiphysics/Kratos.
-
-Materials of Kratos: those of spheres, clusters and walls, and the contact laws between them.
 """
 
 import itertools

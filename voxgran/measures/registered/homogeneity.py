@@ -6,7 +6,7 @@ Stillinger 2003, doi:10.1103/PhysRevE.68.041113), and not at all where parts of 
 representative where the deviation is a stated share of the solid fraction (Kanit et al. 2003,
 doi:10.1016/S0020-7683(03)00143-4).
 
-Solid volume in each cell of a lattice: each grain is cut once by the cells that it touches.
+For the solid volume in each cell of a lattice, each grain is cut once by the cells that it touches.
 """
 
 import math

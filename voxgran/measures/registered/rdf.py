@@ -1,7 +1,6 @@
 """Radial distribution function and structure factor of the centroids.
 
-Structure factor of points: on the vectors of a reciprocal lattice, or from the radial distribution function.
-
+The structure factor is computed on the vectors of a reciprocal lattice, or from the radial distribution function:
 ``S(k) = |sum of exp(-i k x)|**2 / n``; it is 1 on average for independent points, and tends to the relative variance of
 numbers of points in large windows where k tends to 0 (Hansen & McDonald, Theory of Simple Liquids).
 """

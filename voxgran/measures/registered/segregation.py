@@ -7,15 +7,14 @@ share the mean of their ranks. Spearman 1904, doi:10.2307/1412159. What it canno
 in the gradation of layers. Where grains have different densities, the correlation of density and height is given
 likewise.
 
-Sizes of grains layer by layer, and whether their order along the height is random.
-
-Layers hold equal numbers of grains. The distance of a layer is the Kolmogorov-Smirnov statistic of its gradation by
-number against that of all grains, the largest difference of the two cumulative shares. In random order a layer is a
-sample of the grains without replacement. The table of layers and size classes then has a known distribution, given
-the numbers of each (Patefield 1981, doi:10.2307/2346669), from which random tables are drawn. This is a permutation
-test, whose p-value (1 + b) / (1 + m) has b of m random tables with a distance at least as large; it is exact for any
-gradation (Phipson & Smyth 2010, doi:10.2202/1544-6115.1585). The largest distance of all layers gives one p-value for
-the packing, which needs no correction for the number of layers. Distances have few different values; for the test equal
+A test compares the sizes of the grains layer by layer, and tells whether their order along the height is random. Layers
+hold equal numbers of grains. The distance of a layer is the Kolmogorov-Smirnov statistic of its gradation by number
+against that of all grains, the largest difference of the two cumulative shares. In random order a layer is a sample of
+the grains without replacement. The table of layers and size classes then has a known distribution, given the numbers of
+each (Patefield 1981, doi:10.2307/2346669), from which random tables are drawn. This is a permutation test, whose
+p-value (1 + b) / (1 + m) has b of m random tables with a distance at least as large; it is exact for any gradation
+(Phipson & Smyth 2010, doi:10.2202/1544-6115.1585). The largest distance of all layers gives one p-value for the
+packing, which needs no correction for the number of layers. Distances have few different values; for the test equal
 ones are ordered by the mean squared difference of the shares, without which p-values would be too large.
 """
 

@@ -6,7 +6,7 @@ where the radii are exact, between spheres and disks and walls other than meshes
 true shapes on lines about a voxel apart; their error is the standard error of the lines. In beds the pores are those
 below the height that holds 85 % of the volume of the grains.
 
-Chords of the pore space: the parts of straight lines along an axis between grains or walls, in closed form.
+Chords are the parts of straight lines along an axis between grains or walls, in closed form.
 """
 
 import math

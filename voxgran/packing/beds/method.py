@@ -4,11 +4,11 @@ Seeds lie at random in a column above the floor, or above the grains of a start;
 overlap and grows to its size while its contacts hold it, so that grains of all sizes and shapes stay mixed. Then all
 grains settle (:mod:`voxgran.settling.stages`), those of a start with them.
 
+Grains may also arrive one after the other upon a bed, through an inlet or over the whole container.
+
 References
 ----------
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
-
-Grains that arrive one after the other upon a bed, through an inlet or over the whole container.
 """
 
 import math

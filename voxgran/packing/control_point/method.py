@@ -21,13 +21,13 @@ Open surfaces have no interior: they are packed with point tests only, and may n
 open surfaces all points keep a distance that is five percent larger, and steps are so short that no point can pass
 through a surface.
 
+Before a run, lengths and shapes are checked against what the method asks for.
+
 References
 ----------
 Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
 Discontinuous Materials, section 5-2: surfaces as control points, moved at random under gravity and compared by nearest
 neighbours
-
-Lengths and shapes of control-point packing against what they ask for.
 """
 
 from functools import partial

@@ -5,7 +5,7 @@ the tangent plane by a small step, from which it falls back: its path is approxi
 comes is exact. It never overlaps them, as they are behind their tangent planes. Edges and corners that do not stand out
 are behind triangles and are left out.
 
-The walls that a sphere touches on a line or a circle: plane ones, and round ones from inside.
+Other walls, plane ones and round ones from inside, are those that a sphere touches on a line or a circle.
 """
 
 import math

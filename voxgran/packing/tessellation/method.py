@@ -8,6 +8,8 @@ from the mesh; their limits are parameters.
 
 Shapes that are no spheres are inscribed in the spheres by their bounding spheres, in random orientations.
 
+The cells of mesh files are read by meshio in a process of its own.
+
 References
 ----------
 Cui & O'Sullivan 2003, Granular Matter 5, 135-145.
@@ -15,8 +17,6 @@ Jerier et al. 2009, A geometric algorithm based on tetrahedral meshes to generat
 Granular Matter 11, doi:10.1007/s10035-008-0116-0.
 Jerier et al. 2010, Packing spherical discrete elements for large scale simulations, Computer Methods in Applied
 Mechanics and Engineering, doi:10.1016/j.cma.2010.01.016.
-
-Cells of mesh files, read by meshio in a process of its own.
 """
 
 import math

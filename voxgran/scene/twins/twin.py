@@ -1,6 +1,6 @@
 """`twin`: a packing of any number of grains that equals a sample in grains, sizes and solid fraction, at rest.
 
-What a twin is to be, checked once, and how one is packed with a seed.
+What is asked of a twin is checked once; a twin is then packed with a seed.
 """
 
 import os

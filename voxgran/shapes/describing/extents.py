@@ -1,6 +1,6 @@
 """Extents of a shape along its principal axes of inertia.
 
-The axes of shapes of which orientations are distributed: principal ones, or those that are given.
+Orientations are distributed about axes of the shapes: the principal axes, or the ones that are given.
 """
 
 from collections.abc import Sequence

@@ -8,7 +8,7 @@ cut out and the hole is closed; shells that overlap are joined by manifold3d; an
 are refused. Every step that did something is one sentence with its numbers, and the result has passed the same check as
 any other shape.
 
-Surfaces that touch themselves along edges, as those of voxels do: parted there by doubled vertices.
+Surfaces that touch themselves along edges, as surfaces of voxels do, are parted there by doubled vertices.
 """
 
 import logging

@@ -3,19 +3,18 @@
 Rounded ones are Minkowski sums with a sphere: the sphere is swept over the polyhedron. They are meshes whose vertices
 lie on the true surface, closed and convex.
 
-References
-----------
-Schneider & Weil 2008, Stochastic and Integral Geometry, doi:10.1007/978-3-540-78859-1: hulls of random points on a
-sphere, and the volume of Minkowski sums with spheres
-
-Convex polyhedra rounded by a sphere: their Minkowski sum with it, as a mesh of stated error.
-
-The flat faces are shifted by the radius, edges become parts of cylinders and corners parts of spheres. All vertices of
-the mesh lie on the true surface, so that it is inscribed. The volume of the true sum is
+The mesh of a rounded polyhedron has a stated error. The flat faces are shifted by the radius, edges become parts of
+cylinders and corners parts of spheres. All vertices of the mesh lie on the true surface, so that it is inscribed. The
+volume of the true sum is
 ``V + A r + M r^2 + 4/3 pi r^3``
 with the volume V, the area A and the integrated mean curvature M of the polyhedron, half the sum over its edges of
 length times exterior angle (Steiner's formula; Schneider & Weil 2008, Stochastic and Integral Geometry,
 doi:10.1007/978-3-540-78859-1).
+
+References
+----------
+Schneider & Weil 2008, Stochastic and Integral Geometry, doi:10.1007/978-3-540-78859-1: hulls of random points on a
+sphere, and the volume of Minkowski sums with spheres
 """
 
 import math

@@ -7,18 +7,17 @@ the union once: it is of one piece, without cavities, and no two solids merely t
 
 Round base solids have flat facets, as much outside as inside, so that their volume is exact.
 
+The flat facets are as few as an error allows, without a bias of the volume. Facets inscribed in a sphere or cylinder
+take away from its volume. Here the circle of a cylinder or cone is replaced by the regular polygon of equal area, and
+the sphere by the geodesic polyhedron of equal volume: the surfaces of solid and facets cross each other, and the volume
+is exact. The error is the volume between both surfaces, on both sides, relative to the volume of the solid. For
+polygons of n sides it is close to 2.53 / n**2, for geodesic polyhedra of frequency f (20 f**2 faces) close to 0.118 /
+f**2: a fifth of what inscribed facets lack.
+
 References
 ----------
 Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
 Discontinuous Materials: random shapes as unions of base solids on work planes of random orientation
-
-Flat facets in place of curved surfaces, as few as an error allows and without a bias of the volume.
-
-Facets inscribed in a sphere or cylinder take away from its volume. Here the circle of a cylinder or cone is replaced
-by the regular polygon of equal area, and the sphere by the geodesic polyhedron of equal volume: the surfaces of solid
-and facets cross each other, and the volume is exact. The error is the volume between both surfaces, on both sides,
-relative to the volume of the solid. For polygons of n sides it is close to 2.53 / n**2, for geodesic polyhedra of
-frequency f (20 f**2 faces) close to 0.118 / f**2: a fifth of what inscribed facets lack.
 """
 
 import math

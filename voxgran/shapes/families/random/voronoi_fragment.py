@@ -4,11 +4,11 @@ All cells of one tessellation fill the box. With `lengths` a fragment keeps its 
 ``cell=seeds - 1`` of one seed are the pieces of one rock; `offset` of each shape is its place in the box,
 and ``record["cell"]`` the number of the cell.
 
+The Voronoi cells are computed one by one, as convex polyhedra.
+
 References
 ----------
 Okabe, Boots, Sugihara & Chiu 2000, Spatial Tessellations, doi:10.1002/9780470317013: Voronoi cells of random seeds
-
-Voronoi cells of seeds in a box, one by one, as convex polyhedra.
 """
 
 import itertools

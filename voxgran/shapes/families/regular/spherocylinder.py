@@ -33,7 +33,7 @@ class Spherocylinder:
     --------
     >>> import voxgran as vg
     >>> round(vg.shapes.spherocylinder(radius=1.0, height=2.0).volume, 2)
-    4.16
+    4.19
     """
 
     aspect: float | None = parameter(None, at_least=1.0)
@@ -61,7 +61,7 @@ def make(parameters: Spherocylinder, generator: np.random.Generator) -> Shape:
 
 
 def _solid(radius: float, height: float) -> Primitive:
-    """Return a spherocylinder of a total height, without a cylinder a sphere."""
+    """Return a spherocylinder of the given total height; it is a sphere if the height is its diameter."""
     length = height - 2 * radius
     return Primitive("spherocylinder", (radius, length)) if length > 0 else Primitive("sphere", (radius,))
 
