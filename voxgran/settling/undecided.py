@@ -51,7 +51,8 @@ def decide_rest(
         few = moving.sum() <= FEW * len(limit)
         if few and moving.any():
             proven |= moving & _part_moves(contacts, forces, friction, limit, _part_of(contacts, moving, hops), size)
-            moving = _solve_part(contacts, forces, friction, limit, moving & ~proven, size)
+            asked = np.where(proven[:, None], ANY, limit)
+            moving = _solve_part(contacts, forces, friction, asked, moving & ~proven, size)
         elif last:
             moving &= ~_moves(contacts, found, limit, _errors(contacts, forces, friction, found))
         left = int(moving.sum())
@@ -94,18 +95,25 @@ def _part_moves(
 
 
 def _solve_part(
-    contacts: LoadedContacts, forces: Floats, friction: Floats, limit: Floats, some: Booleans, size: int
+    contacts: LoadedContacts, forces: Floats, friction: Floats, asked: Floats, some: Booleans, size: int
 ) -> Booleans:
-    """Change forces near some bodies (n + 1,) to those that balance them best; return which of them still move."""
+    """Change forces near some bodies (n + 1,), all that move by more than asked, to those that balance the part best.
+
+    Return which bodies still move, those included that did not before; forces stay where more would.
+    """
     part, rows, own, outside = _part_of(contacts, some, HELD)
-    push, asked = forces[rows], np.where(some[:, None], limit, ANY)
+    changed, push = forces.copy(), forces[rows]
     accelerated_projected_gradient(
         part, push, friction=friction[rows] if len(friction) > 1 else friction,
         iterations=min(LOCAL, size * len(contacts.i) // max(len(rows), 1)), tolerance=asked[own], near=-1.0,
         held=outside[part.i] | (outside[part.j] & (part.j >= 0)),
     )  # fmt: skip
+    changed[rows] = push
+    moving = _moves(contacts, net_accelerations(contacts, changed), asked)
+    if moving.sum() > some.sum():
+        return some
     forces[rows] = push
-    return _moves(contacts, net_accelerations(contacts, forces), asked)
+    return moving
 
 
 def _part_of(contacts: LoadedContacts, some: Booleans, hops: int) -> Part:

@@ -75,10 +75,11 @@ def test_grains_that_no_forces_of_their_neighbours_hold_are_those_of_a_long_sear
 
 def test_forces_elsewhere_are_held_and_less_is_left_over(loaded):
     contacts, forces, limit, best = loaded
-    some = moving(contacts, net_accelerations(contacts, forces), limit) & ~moving(contacts, best, limit)
+    asked = np.where(moving(contacts, best, limit)[:, None], undecided.ANY, limit)
+    some = moving(contacts, net_accelerations(contacts, forces), asked)
     _, rows, own, outside = undecided._part_of(contacts, some, undecided.HELD)
     changed = forces.copy()
-    undecided._solve_part(contacts, changed, FRICTION, limit, some, 512)
+    undecided._solve_part(contacts, changed, FRICTION, asked, some, 512)
     differ = np.flatnonzero((np.abs(changed - forces) > 1e-9).any(axis=1))
     away = np.zeros(len(limit), dtype=bool)
     away[own[outside]] = True
@@ -90,6 +91,19 @@ def test_forces_elsewhere_are_held_and_less_is_left_over(loaded):
     assert (across <= 0.45 * push + 1e-12).all()
     left = [squares(contacts, net_accelerations(contacts, one)).sum() for one in (forces, changed)]
     assert left[1] < left[0]
+
+
+@pytest.mark.parametrize(("before", "size"), [(200, 16), (200, 8)])
+def test_grains_that_others_forces_set_in_motion_are_told(loaded, before, size):
+    """Those near the grains in question that rested before: they are told, or their forces stay where more would."""
+    contacts, _, limit, best = loaded
+    forces = np.zeros((len(contacts.i), 3))
+    search(contacts, forces, limit, before)
+    asked = np.where(moving(contacts, best, limit)[:, None], undecided.ANY, limit)
+    some = moving(contacts, net_accelerations(contacts, forces), asked)
+    left = undecided._solve_part(contacts, forces, FRICTION, asked, some, size)
+    np.testing.assert_array_equal(left, moving(contacts, net_accelerations(contacts, forces), asked))
+    assert 0 < left.sum() <= some.sum()
 
 
 def test_few_iterations_decide_as_very_many(loaded):
