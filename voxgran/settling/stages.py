@@ -73,8 +73,7 @@ CLOSING_ROUNDS, LEFT_OPEN = 12, 0.2
 #: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
 #: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
 NEARLY, ROOM_ROUNDS = 0.2, 3
-#: volume of a grain of unit diameter by dimension, whose mass is 1
-UNIT = {2: math.pi / 4, 3: math.pi / 6}
+UNIT = {2: math.pi / 4, 3: math.pi / 6}  # volume of a grain of unit diameter by dimension, whose mass is 1
 #: shares of moving grains below which steps become shorter, and of grains that do not rest with which steps end that
 #: are examined every few ones: their contact points change
 SLOW, ENOUGH = 0.03, 0.025
@@ -406,8 +405,8 @@ class Settler(Examined):
             # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
             progress.unchanged = progress.unchanged + 1 if progress.best == best <= 1.0 - self.how.rest else 0
-            last |= progress.unchanged >= UNCHANGED
-            last |= progress.trials > (0 if progress.moving <= UNPROVEN or many else TRIALS)
+            few = 0 if progress.moving <= UNPROVEN or many else TRIALS
+            last |= progress.trials > few or progress.unchanged >= UNCHANGED
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
