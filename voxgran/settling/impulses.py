@@ -157,43 +157,42 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
     return tx, ty, tz
 
 
-@inlined_kernel
-def _gap_change(row, motion, i, j):  # type: ignore[no-untyped-def]
-    """Return by how much the gap of a contact changes with small motions of its bodies."""
-    change = -normal_velocity(row, motion[i], 3)
-    if j >= 0:
-        change += normal_velocity(row, motion[j], 6)
-    return change
-
-
 @bare_kernel
 def _sweep(rows, bodies, motion, axis, fall, approach, moving, begin, end):  # type: ignore[no-untyped-def]
     """Make one projected Gauss-Seidel sweep over the impulses of contacts, backwards after the motion.
 
     moving: whether gaps still close within this substep; overlaps are then opened by a share of themselves. Otherwise
-    bodies only stop, or rebound by the share `restitution` of their approach, and gaps first change by the motions (n +
-    1, 6) of the bodies within the substep.
+    bodies only stop, or rebound by the share `restitution` of their approach.
     """
     friction, restitution, rate = fall.friction, fall.restitution, fall.substeps / fall.step
     own = len(friction) - 1
     for q in range(begin, end):
         k = q if moving else begin + end - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
-        a = bodies[i]
+        a, da = bodies[i], motion[i]
         nx, ny, nz = row[0], row[1], row[2]
         rx, ry, rz = row[3], row[4], row[5]
         sx, sy, sz = row[6], row[7], row[8]
         ux = -(a[0] + a[4] * rz - a[5] * ry)
         uy = -(a[1] + a[5] * rx - a[3] * rz)
         uz = -(a[2] + a[3] * ry - a[4] * rx)
+        # from all that the bodies have moved: summed up, gaps of 0 would be open or closed by other rounding
+        gap = (
+            row[9]
+            - nx * (da[0] + da[4] * rz - da[5] * ry)
+            - ny * (da[1] + da[5] * rx - da[3] * rz)
+            - nz * (da[2] + da[3] * ry - da[4] * rx)
+        )
         if j >= 0:
-            b = bodies[j]
+            b, db = bodies[j], motion[j]
             ux += b[0] + b[4] * sz - b[5] * sy
             uy += b[1] + b[5] * sx - b[3] * sz
             uz += b[2] + b[3] * sy - b[4] * sx
-        if not moving:
-            row[9] += _gap_change(row, motion, i, j)
-        gap = row[9]
+            gap += (
+                nx * (db[0] + db[4] * sz - db[5] * sy)
+                + ny * (db[1] + db[5] * sx - db[3] * sz)
+                + nz * (db[2] + db[3] * sy - db[4] * sx)
+            )
         speed = ux * nx + uy * ny + uz * nz
         excess = speed
         if gap > 0.0:
@@ -250,8 +249,7 @@ class StepWork(NamedTuple):
     """Arrays that the phases of a step use.
 
     found: (m, 16) rows as they were found, rows: the same in the order of the rounds.  part, approach: as in
-    `advance_bodies`.  free: (n + 1, 6) velocities before the contacts act, those of free motion in a substep.  moved:
-    (n + 1, 6) motions within a substep.
+    `advance_bodies`.  free: (n + 1, 6) velocities before the contacts act, those of free motion in a substep.
     """
 
     found: Floats
@@ -263,7 +261,6 @@ class StepWork(NamedTuple):
     part: float
     approach: Floats
     free: Floats
-    moved: Floats
     rounds: Rounds
 
 
@@ -288,10 +285,10 @@ def _move_freely(work, first, end):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _act(work, phase, first, end):  # type: ignore[no-untyped-def]
     """Do a phase of a step for sets of contacts, or for the blocks of bodies with these numbers."""
-    rows, bodies, moved, fall, gravity, rounds = (
+    rows, bodies, motion, fall, gravity, rounds = (
         work.rows,
         work.bodies,
-        work.moved,
+        work.motion,
         work.fall,
         work.gravity,
         work.rounds,
@@ -310,14 +307,13 @@ def _act(work, phase, first, end):  # type: ignore[no-untyped-def]
         elif phase == MOVE:
             for i in range(rounds.bodies[s], rounds.bodies[s + 1]):
                 for c in range(6):
-                    moved[i, c] = h * bodies[i, c]
-                    work.motion[i, c] += moved[i, c]
+                    motion[i, c] += h * bodies[i, c]
         elif phase == GIVE_BACK:
             for k in range(begin, stop):
-                for column in range(9, 14):
+                for column in range(10, 14):
                     work.found[rounds.rows[k], column] = rows.row[k, column]
         else:
-            _sweep(rows, bodies, moved, axis, fall, work.approach, phase == FORTH, begin, stop)
+            _sweep(rows, bodies, motion, axis, fall, work.approach, phase == FORTH, begin, stop)
 
 
 @kernel
@@ -343,8 +339,7 @@ def advance_bodies(
         # old rows are not needed after a search: there is room for rows in the order of the rounds
         rows = rows._replace(row=rows.old, i=rows.i[rounds.rows], j=rows.j[rounds.rows])
         fall = fall._replace(friction=rounds.of_each(np.asarray(fall.friction, dtype=np.float64)))
-    free, moved = bodies[:, :6].copy(), np.zeros((len(bodies), 6))
-    work = StepWork(found, rows, bodies, motion, gravity, fall, part, approach, free, moved, rounds)
+    work = StepWork(found, rows, bodies, motion, gravity, fall, part, approach, bodies[:, :6].copy(), rounds)
     spans = list(pairwise(rounds.sets.tolist()))
     first, plan = spans[0], []
     for substep in range(fall.substeps):

@@ -396,12 +396,13 @@ class Settler(Examined):
         if wedged:
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
-            # grains tremble on springs when the bed rests long since: an examination that ends early does not see it
-            self._examine(THOROUGH)
+            # grains tremble on springs when a large bed rests long since: one that ends early does not see it
+            iterations = THOROUGH if many else USUAL
+            self._examine(iterations)
             if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains
                 self._part_tightly()
-                self._examine(THOROUGH)
+                self._examine(iterations)
             # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
             progress.unchanged = progress.unchanged + 1 if progress.best == best <= 1.0 - self.how.rest else 0

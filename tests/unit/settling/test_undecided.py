@@ -15,8 +15,8 @@ FRICTION = np.array([0.45])
 
 @pytest.fixture(scope="module")
 def packing():
-    """Return spheres that came to rest with more friction: of 300, five do not rest with less."""
-    return vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 16), periodic="xy"), "gravity", count=300, friction=0.5, seed=7)
+    """Return spheres that came to rest with more friction: of 300, three do not rest with less."""
+    return vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 16), periodic="xy"), "gravity", count=300, friction=0.5, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def loaded(packing):
     _guess_forces(bed, 0.45, 1e-3)
     forces, limit, contacts = bed.forces(), _limits(bed, 0.01), bed.contacts
     best = search(contacts, forces.copy(), limit, 6000)
-    search(contacts, forces, limit, 400)
+    search(contacts, forces, limit, 200)
     return contacts, forces, limit, best
 
 

@@ -143,7 +143,7 @@ def test_an_inlet_with_a_rate_pours_in_time():
     heap = vg.pour(DISK, table, 80, inlet=vg.Inlet(radius=2, rate=5), sizes=mixed, friction=0.5, seed=1)
     assert heap.provenance["batches"] == [80]
     assert heap.stop_reason == "settled"
-    assert np.median(np.abs(heap.position[:, 0] - 15.0)) < 5.0
+    assert np.median(np.abs(heap.position[:, 0] - 15.0)) < 6.0
 
 
 def test_a_spout_at_a_height_lets_grains_fall_from_there():
