@@ -397,12 +397,11 @@ class Settler(Examined):
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
             # grains tremble on springs when a large bed rests long since: one that ends early does not see it
-            iterations = THOROUGH if many else USUAL
-            self._examine(iterations)
+            self._examine(THOROUGH if many else USUAL)
             if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains
                 self._part_tightly()
-                self._examine(iterations)
+                self._examine(THOROUGH if many else USUAL)
             # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
             progress.unchanged = progress.unchanged + 1 if progress.best == best <= 1.0 - self.how.rest else 0
