@@ -46,6 +46,9 @@ LIBRARIES = (
     "xarray",
 )
 
+#: names by which libraries are known that are imported by another one
+_TITLES = {"skimage": "scikit-image"}
+
 _DEBIAN_PACKAGES = {
     "libusb-1.0": "libusb-1.0-0",
     "libGL.": "libgl1",
@@ -130,6 +133,23 @@ def load(name: str) -> Any:
     if name == "numba":
         module.config.THREADING_LAYER = "omp"
     return module
+
+
+def load_extra(name: str, extra: str, need: str) -> Any:
+    """Import a library of an extra of voxgran; `need` says in the message what needs it.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it cannot be loaded; the message has the line that installs the extra.
+    """
+    try:
+        return load(name)
+    except MissingLibraryError as error:
+        root = name.partition(".")[0]
+        raise MissingLibraryError(
+            f"{_TITLES.get(root, root)} is not installed: {need}; install it with pip install 'voxgran[{extra}]'"
+        ) from error
 
 
 def loaded() -> tuple[str, ...]:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from voxgran._base.errors import MissingLibraryError
-from voxgran._base.lazy import load
+from voxgran._base.lazy import load, load_extra
 from voxgran.app.desk import Desk
 from voxgran.app.page import Page
 
@@ -50,14 +49,8 @@ def serve(
     MissingLibraryError
         If a library of the extra is not installed.
     """
-    try:
-        for name in LIBRARIES:
-            load(name)
-    except MissingLibraryError as error:
-        raise MissingLibraryError(
-            f"{str(error).partition(' ')[0]} is not installed: the app needs it; install it with "
-            "pip install 'voxgran[app]'"
-        ) from error
+    for name in LIBRARIES:
+        load_extra(name, "app", "the app needs it")
     folder.mkdir(parents=True, exist_ok=True)
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")

@@ -163,7 +163,7 @@ class Simulation:
         return strained
 
     def domain(self, reach: float) -> Floats:
-        """Return the bounds (2, 3) of the domain of an engine: those of the walls, with room for grains beyond them."""
+        """Return the bounds (2, 3) of the domain of an engine: the walls, with room for grains beyond them."""
         room = np.where(self.walls.periodic, 0.0, MARGIN * self.diameter + 2 * reach)
         return np.array([self.walls.bounds[0] - room, self.walls.bounds[1] + room])
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Integers, as_count, check_lengths, float_array
-from voxgran._base.errors import InputError, MissingLibraryError, TooLargeError, shown
-from voxgran._base.lazy import load
+from voxgran._base.errors import InputError, TooLargeError, shown
+from voxgran._base.lazy import load_extra
 from voxgran._base.machine import memory_limit
 
 #: edges of a voxel along x, y and z
@@ -131,20 +131,8 @@ def lazy_of(image: Any) -> Any:
 
 
 def block_library(name: str) -> Any:
-    """Load a library of the extra `blocks`.
-
-    Raises
-    ------
-    MissingLibraryError
-        If it is not installed.
-    """
-    try:
-        return load(name)
-    except MissingLibraryError as error:
-        raise MissingLibraryError(
-            f"{name.partition('.')[0]} is not installed: images in blocks need it; install it with "
-            "pip install 'voxgran[blocks]'"
-        ) from error
+    """Load a library of the extra `blocks`, which images in blocks need."""
+    return load_extra(name, "blocks", "images in blocks need it")
 
 
 def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:

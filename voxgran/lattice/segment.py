@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base import Missing
 from voxgran._base.arrays import Floats, Integers, as_array, as_count, as_number, as_positive
 from voxgran._base.calls import explained, renamed
-from voxgran._base.errors import InputError, MissingLibraryError, shown
-from voxgran._base.lazy import load
+from voxgran._base.errors import InputError, shown
+from voxgran._base.lazy import load, load_extra
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import (
     Edges,
@@ -305,13 +305,7 @@ def _without_small(mask: Any, least: int) -> Any:
 
 def _skimage(name: str) -> Any:
     """Load a part of scikit-image."""
-    try:
-        return load(f"skimage.{name}")
-    except MissingLibraryError as error:
-        raise MissingLibraryError(
-            "scikit-image is not installed: segmenting grey images needs it; install it with "
-            "pip install 'voxgran[images]'"
-        ) from error
+    return load_extra(f"skimage.{name}", "images", "segmenting grey images needs it")
 
 
 def without_small(mask: Any, least: int) -> Any:

@@ -385,7 +385,7 @@ def _spread(packing: Packing) -> dict[str, float | None]:
 def table_files(page: Path, tables: Mapping[str, Iterable[Sequence[str]]]) -> dict[Path, str]:
     """Return tables by their names as CSV files beside a page, ``page_NAME.csv``; empty tables have none.
 
-    Numbers are those of the page, with the minus sign and without the spaces of thousands that programs read.
+    Numbers have the digits of the page, the minus sign that programs read, and no spaces between thousands.
     """
     files = {}
     for name, rows in tables.items():

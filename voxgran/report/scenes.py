@@ -326,7 +326,7 @@ def add_grain(
     turned = corners @ packing.matrices[grain].T * (larger * packing.scale[grain])
     vertices: Floats = turned + packing.position[grain] + shift
     vertices[:, 2] += (larger - 1.0) * shape.diameter * packing.scale[grain]
-    # triangles of the far side would be mixed in before and after those of the near side
+    # triangles of the far side would be drawn before and after triangles of the near side
     culling = "back" if opacity < 1 and shape.dimension == 3 and not shape.is_open else None
     look = {"opacity": opacity, "culling": culling, "smooth_shading": True, **MATERIAL}
     stage.add_mesh(shaded(vertices, faces), color=color, **look)

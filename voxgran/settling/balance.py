@@ -63,8 +63,8 @@ class Sweeps(NamedTuple):
     """Arrays that the sweeps use.
 
     contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: (n + 1,
-    8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) those of the
-    iteration before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
+    8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) of the iteration
+    before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
     iteration before and of the forces, and by how much bodies turn back.  pace: the numbers t and momentum.
     """
 

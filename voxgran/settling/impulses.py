@@ -285,14 +285,8 @@ def _move_freely(work, first, end):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _act(work, phase, first, end):  # type: ignore[no-untyped-def]
     """Do a phase of a step for sets of contacts, or for the blocks of bodies with these numbers."""
-    rows, bodies, motion, fall, gravity, rounds = (
-        work.rows,
-        work.bodies,
-        work.motion,
-        work.fall,
-        work.gravity,
-        work.rounds,
-    )
+    rows, bodies, motion, fall, rounds = work.rows, work.bodies, work.motion, work.fall, work.rounds
+    gravity = work.gravity
     size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     unit = size if size > 0.0 else 1.0
     axis, h = (gravity[0] / unit, gravity[1] / unit, gravity[2] / unit), fall.step / fall.substeps
@@ -327,7 +321,7 @@ def advance_bodies(
     rows: ContactRows, m: int, bodies: Floats, motion: Floats, gravity: Floats, fall: Fall, part: float,
     approach: Floats,
 ) -> None:  # fmt: skip
-    """Advance velocities, impulses and gaps by a step, and write the motions (n + 1, 6) of the bodies.
+    """Advance velocities and impulses by a step, and write the motions (n + 1, 6) of the bodies.
 
     gravity: (3,) acceleration.  part: factor on the impulses of the step before.  approach: (m,) to work with, where
     bodies rebound.

@@ -396,7 +396,7 @@ class Settler(Examined):
         if wedged:
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
-            # grains tremble on springs when a large bed rests long since: one that ends early does not see it
+            # grains tremble on springs when a large bed rests long since: a short examination does not see it
             self._examine(THOROUGH if many else USUAL)
             if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains

@@ -69,9 +69,9 @@ def _moves(contacts: LoadedContacts, found: Floats, limit: Floats, error: Floats
 
 
 def _errors(contacts: LoadedContacts, forces: Floats, friction: Floats, found: Floats) -> Floats:
-    """Return about how far accelerations of bodies (n + 1,) are from those of the optimum, weighted by mass.
+    """Return estimates (n + 1,) of how far the accelerations of bodies are from the optimal ones, weighted by mass.
 
-    It is the bound of the contacts of a body and of those of its neighbours.
+    An estimate is the bound of the contacts of a body and of its neighbours.
     """
     part = np.maximum(excess_at(contacts, forces, friction, found), 0.0)
     i, inner, size = contacts.i, contacts.j >= 0, len(found)

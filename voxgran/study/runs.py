@@ -304,7 +304,7 @@ class Checkpoint:
         self.before = seconds_before(file)
 
     def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
-        """Pack a scene, from its checkpoint where there is one that belongs to it; layers always anew.
+        """Pack a scene, from its checkpoint if it has one; layers are always packed anew.
 
         Parameters
         ----------

@@ -283,7 +283,7 @@ def _table(layer: Integers, kind: Integers, many: int) -> Integers:
 
 
 def _differences(tables: Integers) -> Floats:
-    """Return cumulative shares of layers less those of the whole, (t, layers, classes), of tables of that shape."""
+    """Return cumulative shares of layers less the shares in all layers, (t, layers, classes), of such tables."""
     grains = tables[0].sum(axis=1)
     whole = np.cumsum(tables[0].sum(axis=0)) / grains.sum()
     return np.asarray(np.cumsum(tables, axis=2) / grains[None, :, None] - whole)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
 from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
-from voxgran._base.lazy import load
+from voxgran._base.lazy import load, load_extra
 from voxgran._base.machine import memory_limit
 from voxgran._base.units import as_unit, known_unit, stated_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, dicom_series, meta_image, vtk_image
@@ -342,19 +342,8 @@ def _read_vti(path: Path, key: str | None) -> Image:
 
 
 def image_library(name: str) -> Any:
-    """Load a library of the extra `images`.
-
-    Raises
-    ------
-    MissingLibraryError
-        If it is not installed.
-    """
-    try:
-        return load(name)
-    except MissingLibraryError as error:
-        raise MissingLibraryError(
-            f"{name} is not installed: it reads and writes such images; install it with pip install 'voxgran[images]'"
-        ) from error
+    """Load a library of the extra `images`, which reads and writes a format."""
+    return load_extra(name, "images", "it reads and writes such images")
 
 
 def voxel_unit(unit: str | None, value: Any, image: Image) -> str | None:
