@@ -385,7 +385,7 @@ def dangers(tree, name):
         if isinstance(node, ast.Call):
             called = dotted(node.func)
             last = called.split(".")[-1]
-            first = node.args[:1] if last in {"load", "import_module"} else []
+            first = node.args[:1] if last in {"load", "load_extra", "import_module"} else []
             modules += [one.value for one in first if isinstance(one, ast.Constant)]
             words = {word.arg: word.value for word in node.keywords}
             if called in {"eval", "exec", "compile", "os.system", "os.popen"} or last in UNPACKING:

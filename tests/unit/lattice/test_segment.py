@@ -1,12 +1,13 @@
 """From grey values to labels: touching spheres are parted, noise is left out."""
 
+import sys
+
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, MissingLibraryError
 from voxgran._base.seeds import stream
-from voxgran.lattice import segment as segmenting
 from voxgran.lattice.necks import doubt, relative_sizes
 
 pytest.importorskip("skimage")
@@ -66,11 +67,9 @@ def test_bad_input_is_refused(image, options, words):
 
 
 def test_without_scikit_image_the_remedy_is_named(monkeypatch):
-    def missing(name):
-        raise MissingLibraryError(f"{name} cannot be loaded")
-
-    monkeypatch.setattr(segmenting, "load", missing)
-    with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
+    for name in ("skimage", *(name for name in sys.modules if name.startswith("skimage."))):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(MissingLibraryError, match=r"scikit-image is not installed: .*voxgran\[images\]"):
         vg.segment(np.zeros((4, 4, 4)))
 
 
