@@ -80,7 +80,8 @@ class Outline(Moments):
     def _moments(self) -> tuple[float, Floats, Floats]:
         """Area, centroid and inertia; a polygon is a sum of triangles with one of its corners (Green's theorem)."""
         if self.kind == "disk":
-            area, second = math.pi * self.radius**2, math.pi / 4 * self.radius**4 * np.eye(2)
+            area = math.pi * self.radius * self.radius  # multiplied, since a power may round in another way
+            second = area * self.radius * self.radius / 4 * np.eye(2)
             middle = np.array(self.center)
         else:
             p = self.vertices - self.vertices[0]

@@ -75,27 +75,27 @@ class Primitive:
     @cached_property
     def volume(self) -> float:
         """Volume in closed form."""
-        d = self.dimensions
+        d = self.dimensions  # multiplied, since a power may round in another way in another unit
         if self.kind == "sphere":
-            return 4 / 3 * math.pi * d[0] ** 3
+            return 4 / 3 * math.pi * d[0] * d[0] * d[0]
         if self.kind == "ellipsoid":
             return 4 / 3 * math.pi * d[0] * d[1] * d[2]
         if self.kind == "box":
             return d[0] * d[1] * d[2]
         if self.kind == "spherocylinder":
-            return math.pi * d[0] ** 2 * (d[1] + 4 / 3 * d[0])
-        return math.pi * d[0] ** 2 * d[1] / (1 if self.kind == "cylinder" else 3)
+            return math.pi * d[0] * d[0] * (d[1] + 4 / 3 * d[0])
+        return math.pi * d[0] * d[0] * d[1] / (1 if self.kind == "cylinder" else 3)
 
     @cached_property
     def surface_area(self) -> float:
         """Surface area in closed form (ellipsoid: DLMF 19.33.1)."""
         d = self.dimensions
         if self.kind == "sphere":
-            return 4 * math.pi * d[0] ** 2
+            return 4 * math.pi * d[0] * d[0]
         if self.kind == "ellipsoid":
             longest = max(d)
             a, b, c = ((value / longest) ** 2 for value in d)  # fourth powers of lengths would overflow
-            return float(4 * math.pi * load("scipy.special").elliprg(a * b, a * c, b * c)) * longest**2
+            return float(4 * math.pi * load("scipy.special").elliprg(a * b, a * c, b * c)) * longest * longest
         if self.kind == "box":
             return 2 * (d[0] * d[1] + d[1] * d[2] + d[2] * d[0])
         if self.kind == "cylinder":
@@ -113,14 +113,14 @@ class Primitive:
         elif self.kind == "box":
             squares = np.array(d) ** 2 / 12
         elif self.kind == "cylinder":
-            squares = np.array([d[0] ** 2 / 4, d[0] ** 2 / 4, d[1] ** 2 / 12])
+            squares = np.array([d[0], d[0], d[1]]) ** 2 / (4, 4, 12)
         elif self.kind == "spherocylinder":
             r, h = d[0], d[1] / 2
             # barrel and ends, per volume of the whole: their shares are as h to 2 / 3 r
-            wide, far = h * r**2 / 4 + 2 / 15 * r**3, h**3 / 3 + 2 / 3 * r * (h**2 + 3 / 4 * h * r + r**2 / 5)
+            wide, far = r * r * (h / 4 + 2 / 15 * r), h * h * h / 3 + 2 / 3 * r * (h * h + 3 / 4 * h * r + r * r / 5)
             squares = np.array([wide, wide, far]) / (h + 2 / 3 * r)
         else:
-            squares = np.array([3 * d[0] ** 2 / 20, 3 * d[0] ** 2 / 20, 3 * d[1] ** 2 / 80])
+            squares = 3 * np.array([d[0], d[0], d[1]]) ** 2 / (20, 20, 80)
         body = np.diag(v * (squares.sum() - squares))
         return self.matrix @ body @ self.matrix.T
 
@@ -131,7 +131,7 @@ class Primitive:
         if self.kind in ("sphere", "ellipsoid"):
             return max(d)
         if self.kind == "box":
-            return math.sqrt(sum(value**2 for value in d)) / 2
+            return math.sqrt(sum(value * value for value in d)) / 2
         if self.kind == "cylinder":
             return math.hypot(d[0], d[1] / 2)
         if self.kind == "spherocylinder":
