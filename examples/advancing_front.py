@@ -11,7 +11,6 @@ and the requested sizes.
 Arguments: folder, number of grains (20,000 in the documentation).
 """
 
-import sys
 import time
 from pathlib import Path
 
@@ -20,10 +19,10 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_cut, picture_packing
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/advancing_front")
-grains = int(sys.argv[2]) if len(sys.argv) > 2 else 6000
+folder, grains = arguments(__doc__, folder=Path("out/advancing_front"), grains=6000)
 sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 rocks = [vg.make_shape("convex_polyhedron", seed=seed, points=points) for seed, points in enumerate((8, 14, 30))]
 # edge of a cube (side of a square) that this number of grains of unit diameter fills to 0.6 (0.8)

@@ -7,16 +7,15 @@ that balance every grain at the contacts that are there. The script prints both,
 residual force is below a value.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/checked_beds")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 400
+folder, count = arguments(__doc__, folder=Path("out/checked_beds"), count=400)
 folder.mkdir(parents=True, exist_ok=True)
 width = float(np.ceil(np.cbrt(0.8 * count)))
 box = vg.Box((width, width, 1.6 * width), periodic="xy")

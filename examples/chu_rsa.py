@@ -16,7 +16,6 @@ of its axis from x, share of contact normals within 30 degrees of x (1/3 if isot
 Arguments: folder, number of random orders, largest number of corrections (2).
 """
 
-import sys
 import time
 import warnings
 from pathlib import Path
@@ -25,10 +24,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/chu_rsa")
-orders = int(sys.argv[2]) if len(sys.argv) > 2 else 10
-corrections = int(sys.argv[3]) if len(sys.argv) > 3 else 2
+folder, orders, corrections = arguments(__doc__, folder=Path("out/chu_rsa"), orders=10, corrections=2)
 candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 paper = {"1": (547, 271, 190), "3": (505, 306, 264), "4b": (521, 314, 268), "4d": (453, 339, 327)}

@@ -16,7 +16,6 @@ Arguments: folder, number of random orders of the radii, largest number of candi
 """
 
 import csv
-import sys
 import warnings
 from pathlib import Path
 
@@ -25,9 +24,9 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/chu_totals")
-orders, most = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 5), (3, 5000)))
+folder, orders, most = arguments(__doc__, folder=Path("out/chu_totals"), orders=5, most=5000)
 radii, shares, touching = np.array([0.3, 0.4, 0.5]), np.array([0.4, 0.3, 0.3]), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 moving = ("1", "3", "4b", "4d")  # those that move candidates until they touch; the others have no contacts

@@ -9,16 +9,15 @@ the true surface.
 Arguments: folder, number of spheres (50 in the documentation).
 """
 
-import sys
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/clump_methods")
-spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 15
+folder, spheres = arguments(__doc__, folder=Path("out/clump_methods"), spheres=15)
 rows_in = folder / "rows"
 rows_in.mkdir(parents=True, exist_ok=True)
 

@@ -8,17 +8,17 @@ prints the solid fraction of each specimen, its axial stresses, the share of its
 forces between its grains.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/compressed_specimen")
+[folder] = arguments(__doc__, folder=Path("out/compressed_specimen"))
 folder.mkdir(parents=True, exist_ok=True)
 rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(5)]
 loose = vg.pack(rocks, vg.Box((6, 6, 14), periodic="xyz"), method="rsa", count=200, seed=1)

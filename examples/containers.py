@@ -6,17 +6,16 @@ The same grains at rest in a box, a cylinder, a sphere, two hoppers, a drum, a t
 The script prints the number of grains in each and whether they overlap nothing, and draws the beds, cut open.
 """
 
-import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/containers")
+folder, count = arguments(__doc__, folder=Path("out/containers"), count=150)
 folder.mkdir(parents=True, exist_ok=True)
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 150
 grains = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)]
 rock = vg.load_shape(vg.data_file("eros.obj"))
 containers = {

@@ -12,7 +12,6 @@ figure with error bars of two standard errors.
 Arguments: folder, number of grains, sweeps, number of seeds (400 400 3 in the documentation).
 """
 
-import sys
 import time
 from pathlib import Path
 
@@ -20,10 +19,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 150), (3, 60), (4, 1)))
+folder, count, sweeps, seeds = arguments(__doc__, folder=Path("out/control_studies"), count=150, sweeps=60, seeds=1)
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {

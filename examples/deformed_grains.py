@@ -8,7 +8,6 @@ stiffer than ellipsoids. The script prints the volumes, the overlaps before and 
 and the contacts; it writes the surfaces for ParaView and a section through the bed.
 """
 
-import sys
 from pathlib import Path
 
 import manifold3d
@@ -17,8 +16,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/deformed_grains")
+[folder] = arguments(__doc__, folder=Path("out/deformed_grains"))
 shapes = [vg.make_shape("sphere"), vg.make_shape("ellipsoid", aspect=(1.3, 1.0, 0.8))]
 box = vg.Box((2.4, 2.4, 4.0), periodic="xy")
 walk = {"spacing": 0.2, "overlap": 0.04, "rate": 0.01, "sweeps": 300, "cycles": 2}

@@ -14,7 +14,6 @@ Arguments: folder, number of grains.
 """
 
 import itertools
-import sys
 import time
 from pathlib import Path
 
@@ -22,9 +21,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/directions")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 200
+folder, count = arguments(__doc__, folder=Path("out/directions"), count=200)
 steps, walkers, cone = 64, 40_000, np.deg2rad(15)
 near = 0.15  # gap in diameters up to which two grains are neighbours: more than the two voxels left by a lattice
 generator = np.random.Generator(np.random.PCG64(7))

@@ -9,7 +9,6 @@ fractions of the bulk as a table and as a figure; number of spheres and seeds ar
 """
 
 import csv
-import sys
 import time
 import warnings
 from pathlib import Path
@@ -18,10 +17,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import PEERS, peer_arrays
+from voxgran.bench.model import PEERS, arguments, peer_arrays
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/fall_height")
-count, seeds = (int(word) for word in (*sys.argv[2:], *("1000", "2")[len(sys.argv[2:]) :]))
+folder, count, seeds = arguments(__doc__, folder=Path("out/fall_height"), count=1000, seeds=2)
 folder.mkdir(parents=True, exist_ok=True)
 heights, frictions, width, restitution, rising = (0, 2, 10, 50), (0.1, 0.3, 0.5), 8.0, 0.57, 0.3
 layers = count * np.pi / 6 / (0.55 * width**2)

@@ -13,19 +13,18 @@ Arguments: folder, number of runs.
 """
 
 import itertools
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.geometry.rotation import normalized, product, rotation_matrices
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/first_contact")
-runs = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+folder, runs = arguments(__doc__, folder=Path("out/first_contact"), runs=2)
 step, angle, bias = 0.05, 0.1, 0.5
 folder.mkdir(parents=True, exist_ok=True)
 

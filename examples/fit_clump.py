@@ -7,12 +7,12 @@ the clump and the body share (intersection over union), and the errors of volume
 the distance from the true surface.
 """
 
-import sys
 from pathlib import Path
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/fit_clump")
+[folder] = arguments(__doc__, folder=Path("out/fit_clump"))
 body = vg.load_shape(vg.data_file("itokawa_lp.obj"))
 clumps = []
 for spheres in (10, 50):

@@ -10,17 +10,16 @@ growth factors and the resulting change of the gradation, and draws the stages.
 Arguments: folder, edge of the box in mean diameters.
 """
 
-import sys
 import time
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_in_spheres")
-side = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
+folder, side = arguments(__doc__, folder=Path("out/hulls_in_spheres"), side=4.0)
 
 # %%
 # **Spheres, hulls, growth and settling**

@@ -9,18 +9,16 @@ and libraries loaded.
 Arguments: folder, number of spheres (64,000 in the documentation).
 """
 
-import sys
 import time
 from pathlib import Path
 
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_on_a_front")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 5000
+folder, count = arguments(__doc__, folder=Path("out/hulls_on_a_front"), count=5000)
 
 
 # %%

@@ -7,15 +7,15 @@ an orientation tensor, as in the scenes of these names. The script prints the nu
 overlap nothing and, of beds, which share of the grains is proven to rest; the packings are drawn, cut open.
 """
 
-import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/initial_states")
+[folder] = arguments(__doc__, folder=Path("out/initial_states"))
 folder.mkdir(parents=True, exist_ok=True)
 sphere, fibre = vg.shapes.sphere(), vg.make_shape("spherocylinder", radius=5, height=100)
 mould = vg.Box((7, 7, 9))

@@ -8,7 +8,6 @@ into a periodic box together with random solids and spheres. Two checks show tha
 verification of the packing, and VTK's collision filter for each close pair.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,10 @@ import pyvista
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_packing
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/open_surfaces")
+[folder] = arguments(__doc__, folder=Path("out/open_surfaces"))
 surfaces = [vg.make_shape("random_surface", seed=seed, diameter=1.3) for seed in (1, 2, 3)]
 surfaces += [vg.make_shape("sheet", roll=150, diameter=1.2), vg.make_shape("shell", diameter=1.2)]
 solids = [vg.make_shape("solid_union", seed=seed) for seed in (3, 7)] + [vg.make_shape("sphere", diameter=0.8)]

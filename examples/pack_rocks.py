@@ -5,12 +5,12 @@ Rocks under gravity
 Random solids are packed under gravity and settle, the packing is verified against the true meshes, and saved.
 """
 
-import sys
 from pathlib import Path
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/rocks")
+[folder] = arguments(__doc__, folder=Path("out/rocks"))
 rocks = [vg.make_shape("solid_union", seed=seed, solids=(3, 5)) for seed in range(3)]
 box = vg.Box((4, 4, 10), periodic=(True, True, False))
 packing = vg.pack(

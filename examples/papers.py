@@ -10,7 +10,6 @@ examples on lattice directions and on the first contact of two bodies.
 Arguments: folder, number of grains.
 """
 
-import sys
 import warnings
 from pathlib import Path
 
@@ -18,9 +17,9 @@ import matplotlib.image
 import numpy as np
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/papers")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 400
+folder, count = arguments(__doc__, folder=Path("out/papers"), count=400)
 rows_in = folder / "rows"
 rows_in.mkdir(parents=True, exist_ok=True)
 warnings.simplefilter("ignore", vg.PackingWarning)

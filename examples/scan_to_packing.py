@@ -8,7 +8,6 @@ packing of these is checked and measured. Its solid fraction and its grains are 
 are unknown for a real scan.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,10 @@ from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_packing
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/scan_to_packing")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 200
+folder, count = arguments(__doc__, folder=Path("out/scan_to_packing"), count=200)
 edges = (0.05, 0.05, 0.08)
 
 # %%

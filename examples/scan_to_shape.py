@@ -8,16 +8,16 @@ writes the joined cloud and the shape, and prints the errors of the shape relati
 unknown for a real scan.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.gallery import picture_shapes
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/scan")
+[folder] = arguments(__doc__, folder=Path("out/scan"))
 eros = vg.load_shape(vg.data_file("eros.obj"))
 size, generator = eros.diameter, np.random.Generator(np.random.PCG64(4))
 noise = 0.002 * size

@@ -8,16 +8,16 @@ proves to rest, and the largest force at a contact. The packings are saved with 
 before and after it settles, with the forces between its grains.
 """
 
-import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/settled_bed")
+[folder] = arguments(__doc__, folder=Path("out/settled_bed"))
 folder.mkdir(parents=True, exist_ok=True)
 rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(5)]
 box, sizes = vg.Box((5, 5, 14), periodic="xy"), vg.sizes.lognormal(1.0, 0.2)

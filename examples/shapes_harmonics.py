@@ -8,13 +8,12 @@ sibling has the power of the scan on all length scales; the table shows that oth
 Arguments: folder, number of siblings.
 """
 
-import sys
 from pathlib import Path
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_harmonics")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 8
+folder, count = arguments(__doc__, folder=Path("out/shapes_harmonics"), count=8)
 folder.mkdir(parents=True, exist_ok=True)
 
 scan = vg.load_shape(vg.data_file("itokawa_lp.obj"))

@@ -8,7 +8,6 @@ from that of the true solid, and the sum of the cells of a box.
 """
 
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -16,12 +15,13 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.gallery import picture_shapes
 from voxgran.shapes.families.random.polyhedron import sphere_swept, steiner_volume
 from voxgran.shapes.families.regular.superquadric import volume_of
 from voxgran.shapes.generating.regular_solids import corners_of
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_polyhedra")
+[folder] = arguments(__doc__, folder=Path("out/shapes_polyhedra"))
 folder.mkdir(parents=True, exist_ok=True)
 
 

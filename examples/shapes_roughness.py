@@ -11,7 +11,6 @@ Arguments: folder, number of seeds (10 in the documentation).
 """
 
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -19,10 +18,10 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.gallery import picture_shapes
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_roughness")
-seeds = range(int(sys.argv[2]) if len(sys.argv) > 2 else 3)
+folder, seeds = arguments(__doc__, folder=Path("out/shapes_roughness"), seeds=3)
 folder.mkdir(parents=True, exist_ok=True)
 
 FIELDS = {
@@ -37,7 +36,7 @@ NAMES = ("rms", "skewness", "kurtosis", "correlation_length", "hurst")
 for name, field in FIELDS.items():
     began = time.process_time()
     sizes = {"lengths": (15, 15), "rms": 0.1, "correlation_length": 1.0, "shortest": 0.5}
-    sheets = [vg.make_shape("rough_sheet", **sizes, **field, seed=seed) for seed in seeds]
+    sheets = [vg.make_shape("rough_sheet", **sizes, **field, seed=seed) for seed in range(seeds)]
     milliseconds = 1e3 * (time.process_time() - began) / len(sheets)
     found = {key: np.nanmean([sheet.record[f"roughness_{key}"] for sheet in sheets]) for key in NAMES}
     print(f"{name:20s} {'  '.join(f'{key} {value:.3f}' for key, value in found.items())}  {milliseconds:.0f} ms")
@@ -48,7 +47,7 @@ sphere, ratio = vg.make_shape("sphere"), 0.02 / 0.5
 smooth = vg.roughen(sphere, rms=0.0)
 for shortest in (0.4, 0.2, 0.1):
     changes, began = [], time.process_time()
-    for seed in seeds:
+    for seed in range(seeds):
         rough = vg.roughen(sphere, rms=0.02, correlation_length=0.25, shortest=shortest, seed=seed)
         flat = vg.roughen(sphere, rms=0.0, correlation_length=0.25, shortest=shortest)
         changes.append(rough.volume / flat.volume - 1.0)
@@ -59,7 +58,7 @@ for shortest in (0.4, 0.2, 0.1):
         f"rough sphere         triangles {len(rough.faces):6d}  change of the volume against 3 s^2 / R^2: {error:+.3f} "
         f"+- {deviation:.3f}  {milliseconds:.0f} ms"
     )
-crumpled = [vg.make_shape("crumpled", fold_length=0.25, seed=seed) for seed in seeds]
+crumpled = [vg.make_shape("crumpled", fold_length=0.25, seed=seed) for seed in range(seeds)]
 folds, error = (np.array([one.record[key] for one in crumpled]) for key in ("folds", "isometry_error"))
 print(f"crumpled             folds {folds.mean():.1f}  change of a length at most {error.max():.0e}")
 

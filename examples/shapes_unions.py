@@ -9,16 +9,15 @@ error.
 Arguments: folder, number of shapes in a row.
 """
 
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_unions")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 7
+folder, count = arguments(__doc__, folder=Path("out/shapes_unions"), count=7)
 ROWS = {
     "solid_union": {},
     "solid_union, boxes": {"kinds": ["box"], "counts": [4], "box": ((0.9, 1.0), (0.4, 0.8), (0.2, 0.4))},

@@ -8,16 +8,16 @@ standard errors from that of random points), and the dimension of a sponge.
 """
 
 import math
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.geometry.rotation import rotation_matrices
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_voxels")
+[folder] = arguments(__doc__, folder=Path("out/shapes_voxels"))
 folder.mkdir(parents=True, exist_ok=True)
 
 

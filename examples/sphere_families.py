@@ -9,17 +9,16 @@ within a thousandth of a mean diameter, and the CPU seconds.
 Arguments: folder, number of grains (1500 in the documentation).
 """
 
-import sys
 import time
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_packing
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/sphere_families")
-grains = int(sys.argv[2]) if len(sys.argv) > 2 else 600
+folder, grains = arguments(__doc__, folder=Path("out/sphere_families"), grains=600)
 sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 edge, side = 0.95 * grains ** (1 / 3), 0.95 * grains**0.5
 box, square = vg.Box((edge, edge, edge)), vg.Rectangle((side, side))

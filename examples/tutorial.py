@@ -6,15 +6,15 @@ A scanned asteroid becomes a bed of 150 rocks at rest, with a proof of rest, mea
 The tutorial explains each step and shows the same at the prompt; this script is its code.
 """
 
-import sys
 from pathlib import Path
 
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.force_chains import picture_forces
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/tutorial")
+[folder] = arguments(__doc__, folder=Path("out/tutorial"))
 folder.mkdir(parents=True, exist_ok=True)
 
 # %%

@@ -7,17 +7,16 @@ of the labels alone. The script prints the measures of the specimen and of the t
 to its standard error, writes the page that compares the labels with the twin, and draws both.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import arguments
 from voxgran.report.scenes import picture_cut
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/twin_of_scan")
-count = int(sys.argv[2]) if len(sys.argv) > 2 else 250
+folder, count = arguments(__doc__, folder=Path("out/twin_of_scan"), count=250)
 folder.mkdir(parents=True, exist_ok=True)
 VOXEL = 0.06
 rocks = vg.make_shapes("convex_polyhedron", count=40, seed=1)

@@ -19,6 +19,12 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+#: what is run from the command line
+PROGRAMS = [
+    path
+    for path in sorted([*EXAMPLES.glob("*.py"), *(EXAMPLES.parent / "tools").glob("*.py")])
+    if path.name != "kernels_hook.py"
+]
 CHU = references("chu_rsa_2d")
 
 # small scenes have no bulk to speak of, which is said in a warning
@@ -43,6 +49,20 @@ def test_what_is_run_twice_may_replace_its_files(path):
     savers = [call for call in calls if re.match(r"vg\.(save|write_)", ast.unparse(call.func))]
     for call in savers:
         assert "overwrite=True" in [ast.unparse(keyword) for keyword in call.keywords], ast.unparse(call)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.name)
+def test_a_program_that_is_asked_for_help_or_given_nonsense_writes_no_file(path, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for asked, status in (("--help", 0), ("--nonsense", 2)):
+        monkeypatch.setattr("sys.argv", [path.name, asked])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(path), run_name="__main__")
+        assert ended.value.code == status
+    shown = capsys.readouterr()
+    assert shown.out.startswith(f"usage: {path.name}")
+    assert "--nonsense" in shown.err or "required" in shown.err
+    assert not list(tmp_path.iterdir())
 
 
 def test_pack_rocks(tmp_path, capsys, monkeypatch):

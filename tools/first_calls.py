@@ -5,6 +5,7 @@ asks for those of this very processor, one that takes what has come with the pac
 the processor, from the start of Python on, so that the import of libraries is included.
 """
 
+import argparse
 import csv
 import os
 import resource
@@ -77,9 +78,12 @@ def rows(folder: str) -> list[dict[str, object]]:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", metavar="FILE.csv")
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         table = rows(folder)
-    with open(sys.argv[1], "w", newline="", encoding="utf-8") as file:
+    with open(given.file, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, table[0])
         writer.writeheader()
         writer.writerows(table)

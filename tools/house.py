@@ -6,8 +6,8 @@ left out (transitive reduction; Aho, Garey & Ullman 1972, doi:10.1137/0201008). 
 The question of each room is that of the table in docs/contribute/design.md.
 """
 
+import argparse
 import re
-import sys
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -113,5 +113,6 @@ def drawing(graph: Graph) -> str:
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "figures" / "house.svg"
-    target.write_text(drawing(imports()), encoding="utf-8")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", nargs="?", type=Path, default=ROOT / "docs" / "figures" / "house.svg")
+    parser.parse_args().file.write_text(drawing(imports()), encoding="utf-8")

@@ -6,6 +6,7 @@ lowest versions by itself. A floor of three numbers is meant exactly; of one wit
 correction is taken, ``numba==0.60.*``, since not every project has a release that ends with 0.
 """
 
+import argparse
 import re
 import sys
 import tomllib
@@ -40,5 +41,7 @@ def constraints(project: dict[str, Any], extras: list[str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    text = tomllib.loads(PROJECT.read_text())
-    sys.stdout.write("\n".join(constraints(text["project"], sys.argv[1:])) + "\n")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("extras", nargs="*", metavar="EXTRA")
+    extras, text = parser.parse_args().extras, tomllib.loads(PROJECT.read_text())
+    sys.stdout.write("\n".join(constraints(text["project"], extras)) + "\n")

@@ -6,6 +6,7 @@ settled beds, clumps, measures, verification and images. ``compare`` lists the j
 difference in units of the largest value, and ends with status 1 if there are any.
 """
 
+import argparse
 import itertools
 import sys
 import time
@@ -231,7 +232,14 @@ def compare(old, new):
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "keep":
-        keep(sys.argv[2], sys.argv[3:])
+    parser = argparse.ArgumentParser(description=__doc__)
+    tasks = parser.add_subparsers(dest="task", required=True)
+    for task, first, second, many in (("keep", "FILE.npz", "JOB", "*"), ("compare", "OLD", "NEW", None)):
+        one = tasks.add_parser(task)
+        one.add_argument("file", metavar=first)
+        one.add_argument("rest", metavar=second, nargs=many)
+    given = parser.parse_args()
+    if given.task == "keep":
+        keep(given.file, given.rest)
     else:
-        sys.exit(min(compare(*sys.argv[2:4]), 1))
+        sys.exit(min(compare(given.file, given.rest), 1))

@@ -4,12 +4,10 @@ Each line is a scan with so many triangles: seconds and errors of the simplifica
 share at rest of a bed of 100 such grains by ``gravity``. Seconds are CPU seconds, after a first call.
 """
 
-import sys
 import time
-from pathlib import Path
 
 import voxgran as vg
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 
 SCANS = {"eros": "eros.obj", "itokawa": "itokawa_lp.obj"}
 FACES = (200, 500, 1000, 2000, 5000)
@@ -46,12 +44,13 @@ def row_of(name: str, scan: vg.Shape, faces: int | None) -> dict[str, object]:
 
 def main() -> None:
     """Write the table."""
+    [target] = arguments(__doc__, "file")
     rows = []
     for name, file in SCANS.items():
         scan = vg.load_shape(vg.data_file(file))
         bed_of(vg.simplify(scan, faces=FACES[0]).shape)
         rows += [row_of(name, scan, faces) for faces in (*FACES, None) if (faces or 0) < len(scan.faces)]
-    write_rows(Path(sys.argv[1]), ",".join(rows[0]), [row.values() for row in rows])
+    write_rows(target, ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

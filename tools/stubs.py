@@ -5,6 +5,7 @@ They are `voxgran/typed_calls.pyi` (functions that take a name with keywords) an
 function for each family). With ``--check`` nothing is written, and the status is 1 if one of them is not up to date.
 """
 
+import argparse
 import ast
 import inspect
 import re
@@ -213,9 +214,11 @@ def shapes_stub() -> str:
 
 
 if __name__ == "__main__":
-    written = {"typed_calls.pyi": calls_stub(), "shapes/__init__.pyi": shapes_stub()}
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true")
+    given, written = parser.parse_args(), {"typed_calls.pyi": calls_stub(), "shapes/__init__.pyi": shapes_stub()}
     old = [name for name, text in written.items() if (PACKAGE / name).read_text(encoding="utf-8") != text]
-    if "--check" in sys.argv:
+    if given.check:
         sys.exit(f"{', '.join(old)}: not up to date; run 'make stubs'" if old else 0)
     for name in old:
         (PACKAGE / name).write_text(written[name], encoding="utf-8")

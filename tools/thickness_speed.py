@@ -5,16 +5,14 @@ takes SIZES radii between the smallest and the largest, as users of distance tra
 within that radius of a voxel that is as far from the solid. Seconds are CPU seconds, after a first call.
 """
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
 
 import voxgran as vg
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 
 EDGES = (40, 80, 120, 160)
 #: edge of a voxel
@@ -56,6 +54,7 @@ def ours(pores: np.ndarray) -> np.ndarray:
 
 def main() -> None:
     """Write the table."""
+    [target] = arguments(__doc__, "file")
     ours(image(EDGES[0]))
     rows = []
     for edge in EDGES:
@@ -65,7 +64,7 @@ def main() -> None:
         error = float(np.abs(steps - exact)[pores].mean() / exact[pores].mean())
         row = {"voxels": pores.size, "widest_pore": f"{exact.max():.1f}", "seconds": f"{seconds:.2f}"}
         rows.append(row | {"seconds_of_twin": f"{seconds_of_twin:.2f}", "mean_error_of_twin": f"{error:.3f}"})
-    write_rows(Path(sys.argv[1]), ",".join(rows[0]), [row.values() for row in rows])
+    write_rows(target, ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

@@ -4,10 +4,8 @@ Each line is a function that takes a number of threads, with the seconds of the 
 smallest of three, and whether the results have the same bits. It needs a machine that does nothing else.
 """
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ import voxgran as vg
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import normalized_bed
 from voxgran.settling.impulses import Fall, advance_bodies
@@ -117,8 +115,7 @@ def timed(call: Callable[[int], Any], threads: int) -> tuple[float, Any]:
 
 def main() -> None:
     """Write the table."""
-    target = sys.argv[1]
-    most = int(sys.argv[2]) if len(sys.argv) > 2 else processor_count()
+    target, most = arguments(__doc__, "file", most=processor_count())
     rows = []
     for name, call in cases().items():
         call(1), call(most)
@@ -133,7 +130,7 @@ def main() -> None:
                 "same_bits": one == other,
             }
         )
-    write_rows(Path(target), ",".join(rows[0]), [row.values() for row in rows])
+    write_rows(target, ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

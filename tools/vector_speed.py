@@ -11,12 +11,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 from voxgran.packing.digital import simd
 
 #: edge of a voxel, in diameters: columns of one word, and of several
@@ -84,12 +83,12 @@ def measure(loops):
         sys.stdout.write(f"{min(seconds[1:])} {hashlib.sha256(bed.position.tobytes()).hexdigest()}\n")
 
 
-def main():
+def main(target):
     """Write the table."""
     results = {}
     for loops in ("vector", "plain"):
         with tempfile.TemporaryDirectory() as cache:
-            command = [sys.executable, __file__, "--loops", loops]
+            command = [sys.executable, __file__, os.devnull, loops]
             environment = {**os.environ, "VOXGRAN_CACHE": cache}
             answer = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
         results[loops] = [line.split() for line in answer.splitlines()]
@@ -98,11 +97,12 @@ def main():
         assert vector[1] == plain[1], "the packings differ"
         a, b = float(vector[0]), float(plain[0])
         rows.append((voxel, f"{a:.3f}", f"{b:.3f}", f"{b / a:.2f}"))
-    write_rows(Path(sys.argv[1]), head, rows)
+    write_rows(target, head, rows)
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "--loops":
-        measure(sys.argv[2])
+    target, loops = arguments(__doc__, "file", loops="")
+    if loops:
+        measure(loops)
     else:
-        main()
+        main(target)

@@ -4,7 +4,6 @@ Each line is a packing: those saved in files, and spheres and different rough gr
 processor, the smallest of three.
 """
 
-import sys
 import time
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 
 import voxgran as vg
 from voxgran._base.seeds import stream
-from voxgran.bench.model import write_rows
+from voxgran.bench.model import arguments, write_rows
 from voxgran.report import view
 from voxgran.report.colors import coloring, colors_of
 from voxgran.shapes.tessellate import sphere
@@ -56,14 +55,14 @@ def measured(name: str, packing: vg.Packing) -> dict[str, object]:
 
 def main() -> None:
     """Write the table."""
-    target, *files = sys.argv[1:]
+    target, files = arguments(__doc__, "file", packings=[])
     cases = {Path(path).parent.name or path: vg.load(path) for path in files}
     cases["spheres"] = on_lattice(1_000, [vg.make_shape("sphere")])
     cases["different grains of 1,280 triangles"] = on_lattice(1_000, rough(1_000))
     cases["many spheres"] = on_lattice(20_000, [vg.make_shape("sphere")])
     cases["more spheres than are shown"] = on_lattice(100_000, [vg.make_shape("sphere")])
     rows = [measured(name, packing) for name, packing in cases.items()]
-    write_rows(Path(target), ",".join(rows[0]), [row.values() for row in rows])
+    write_rows(target, ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Those programs, the peers, lie in the folder ``bench_peers`` of the source repository and are not installed.
 """
 
+import argparse
 import contextlib
 import csv
 import importlib.util
@@ -144,6 +145,23 @@ def scans(*names: str) -> dict[str, Shape]:
 def ratios(rate: float, peers: Iterable[float | None]) -> list[float | None]:
     """Return a rate over those of peers; None for a peer without a rate."""
     return [None if peer is None else rate / peer for peer in peers]
+
+
+def arguments(about: str | None, *needed: str, **others: Any) -> list[Any]:
+    """Return what a program is given by position on its command line; its help shows the text about it.
+
+    needed: names of paths that must be given.  others: names and defaults of the others, which have the types of these;
+    a list takes all texts that follow.
+    """
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=about, formatter_class=raw, allow_abbrev=False)
+    for name in needed:
+        parser.add_argument(name, type=Path)
+    for name, default in others.items():
+        many = isinstance(default, list)
+        kind = str if many else type(default)
+        parser.add_argument(name, nargs="*" if many else "?", type=kind, default=default, help=f"default: {default}")
+    return list(vars(parser.parse_args()).values())
 
 
 def write_rows(path: Path, head: str, rows: Iterable[str | Sequence[Any]]) -> Path:
