@@ -29,7 +29,9 @@ from voxgran.cli.parser import name_flags
 from voxgran.clumps.method import clump_registry
 from voxgran.contacts.manifolds.finders import kinds_of
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE
+from voxgran.geometry import morton
 from voxgran.packing.method import method_registry
+from voxgran.settling import balance, impulses, projected_gradient
 from voxgran.shapes.family import families
 from voxgran.shapes.winding import winding_numbers
 
@@ -803,3 +805,12 @@ def test_short_flags_may_stand_together(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     _, line = complaint(capsys, "plan", "missing.toml", "-qv")
     assert "missing.toml is not there" in line
+
+
+def test_the_kernels_of_beds_of_many_grains_are_compiled_beforehand():
+    used = (balance._visit, impulses._act, projected_gradient._project_blocks, projected_gradient._add_up)
+    for one in used:
+        one._compiled = None
+    beforehand.settle_many()
+    assert all(one._compiled.signatures for one in used)
+    assert (morton.MANY, projected_gradient.MANY) == (20_000, 100_000)

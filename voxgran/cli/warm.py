@@ -9,6 +9,7 @@ from functools import partial
 from multiprocessing.connection import wait
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.kernels import cache_folder
@@ -23,6 +24,7 @@ from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.kinds.sphere import Sphere
 from voxgran.containers.model import Container
+from voxgran.geometry import morton
 from voxgran.io.image import to_image
 from voxgran.lattice.segment import segment
 from voxgran.measures.describe import describe
@@ -33,6 +35,7 @@ from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.packing.transform.from_labels import packing_of_labels
 from voxgran.scene.processes import TICK, Process, compute, start
+from voxgran.settling import projected_gradient
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.family import default_families, make_shape
 from voxgran.shapes.files import load_shape, save_shape
@@ -65,7 +68,7 @@ ADDING: dict[str, dict[str, Any]] = {
     "growth": {},
 }
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 135
+KERNELS = 140
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
@@ -117,7 +120,18 @@ def scenes() -> list[Callable[[], None]]:
     in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
     asked = [partial(pack_few, method, family, **more) for method, more in ASKED.items() for family in FAMILIES]
     added = [partial(add_few, method, **more) for method, more in ADDING.items()]
-    return [*in_turn, *packed[len(settled) :], *asked, *added, measure_few, read_few, deform_few, use_solids, *made]
+    return [
+        *in_turn,
+        *packed[len(settled) :],
+        *asked,
+        *added,
+        settle_many,
+        measure_few,
+        read_few,
+        deform_few,
+        use_solids,
+        *made,
+    ]
 
 
 def _methods() -> list[str]:
@@ -166,6 +180,15 @@ def settle_few(family: str) -> None:
     bed = pack(shape, box, "gravity", count=4, seed=1, shaking={"duration": 1.0})
     equilibrium(bed)
     settle(bed, friction=0.0, fall_time=1.0, lid={"weight": 1.0})
+
+
+def settle_many() -> None:
+    """Let a few spheres settle as many do: contacts are visited in rounds, and rows and bodies are divided into blocks.
+
+    The numbers from which on that is so are lowered meanwhile; no kernel reads them.
+    """
+    with patch.multiple(morton, MANY=1, LEAST=1), patch.object(projected_gradient, "MANY", 1):
+        settle_few("sphere")
 
 
 def deform_few() -> None:

@@ -10,9 +10,13 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.contacts.assembly import Assembly, by_shape
 from voxgran.geometry.rotation import quaternions_of
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
+#: rounds in which a polyhedron gets the volume of a round solid: it is nearer by a factor of 3 or more in each
+ROUNDS = 30
 #: what a grain is for an engine
 Kind = Literal["sphere", "clump", "polyhedron", "mesh", "level_set", "convex_parts"]
 
@@ -54,6 +58,11 @@ class Template:
         if self.kind == "clump" and isinstance(geometry, Spheres):
             return geometry.centers, geometry.radii
         return np.zeros((0, 3)), np.zeros(0)
+
+    @cached_property
+    def polyhedron(self) -> Mesh:
+        """What an engine of convex polyhedra has in place of the shape."""
+        return polyhedron_of(self.shape)[0]
 
     @cached_property
     def principal(self) -> Frame:
@@ -171,6 +180,31 @@ class Bodies:
         _, radii, grain = self.spheres
         others = self.of_kind("polyhedron", "mesh", "level_set", "convex_parts")
         return np.concatenate([radii, self.assembly.diameters[others] / 2]), np.concatenate([grain, others])
+
+
+def is_round(shape: Shape) -> bool:
+    """Return whether a shape is a solid of which a polyhedron has thousands of corners, where a clump is as near."""
+    return isinstance(shape.geometry, Primitive) and shape.geometry.kind in ("sphere", "ellipsoid", "spherocylinder")
+
+
+def polyhedron_of(shape: Shape) -> tuple[Mesh, float]:
+    """Return a polyhedron in place of a convex solid, and the largest distance of the surfaces.
+
+    Round solids become polyhedra of less than 200 corners with the same volume: the polyhedron that is inscribed in a
+    solid that is slightly larger all around.
+    """
+    solid = shape.geometry
+    if not is_round(shape) or not isinstance(solid, Primitive):
+        return Mesh(shape.vertices, shape.faces), shape.tessellation_error
+    (first, *others), capsule, factor = solid.dimensions, solid.kind == "spherocylinder", 1.0
+    for _ in range(ROUNDS):
+        # a spherocylinder becomes thicker, and longer by as much
+        dimensions = (first * factor, *(length if capsule else length * factor for length in others))
+        vertices, faces, error = Primitive(solid.kind, dimensions, solid.rotation).tessellation(coarse=True)
+        mesh = Mesh(vertices, faces)
+        factor *= (solid.volume / float(mesh.volume)) ** (1 / 3)
+    beyond = (factor - 1.0) * (first if capsule else solid.bounding_radius)
+    return mesh, max(error, beyond)
 
 
 def names_of(shapes: Sequence[Shape]) -> list[str]:

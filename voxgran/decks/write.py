@@ -19,7 +19,7 @@ from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import Container, boundary_of, refuse_tilt
-from voxgran.decks.bodies import Kind, Template, names_of
+from voxgran.decks.bodies import Kind, Template, is_round, names_of, polyhedron_of
 from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.simulation import LONGEST, Simulation, simulation_of
@@ -104,8 +104,9 @@ def write_deck(
         Number of spheres, or a fitted clump, in place of each shape that is no sphere, also where the engine has
         another kind of grain for it. Default: 20 where it has none.
     grains : {"clump", "polyhedron", "mesh", "level_set", "convex_parts"}, optional
-        What grains that are no spheres become. Default: clumps where `clump` is given, else the first of these that the
-        engine has for the shape.
+        What grains that are no spheres become. Default: clumps where `clump` is given, or where the shape is an
+        ellipsoid or a spherocylinder and the engine has clumps, else the first of these that the engine has for the
+        shape. As polyhedra, these two have at most 162 corners and the same volume.
     acceleration : float
         Acceleration of gravity, m/s^2, along ``packing.gravity``.
     time_step : float, optional
@@ -388,6 +389,8 @@ def _kind(shape: Shape, engine: Engine, asked: str | None) -> Kind:
     if _is_clump(shape) and "clump" in engine.kinds:
         return "clump"
     convex = shape.dimension == 3 and is_convex(shape.geometry)
+    if asked is None and is_round(shape) and "clump" in engine.kinds:
+        return "clump"
     for kind in engine.kinds if asked is None else (asked,):
         if kind in ("clump", "mesh", "level_set", "convex_parts") or (kind == "polyhedron" and convex):
             return kind  # type: ignore[return-value]
@@ -416,9 +419,11 @@ def _approximation(name: str, kind: Kind, shape: Shape, record: Any) -> str:
             f"{errors['iou']:.4f}, largest distance of the surfaces {errors['surface_max']:.3g} equivalent diameters; "
             "mass, centroid and inertia are the true ones"
         )
-    if kind in ("polyhedron", "mesh", "level_set", "convex_parts") and shape.tessellation_error > 0:
+    off = polyhedron_of(shape)[1] if kind == "polyhedron" else shape.tessellation_error
+    if kind in ("polyhedron", "mesh", "level_set", "convex_parts") and off > 0:
+        true = "volume, mass" if kind == "polyhedron" and is_round(shape) else "mass"
         return (
             f"{name} is a polyhedron in place of {shape.name}: its surface is off by at most "
-            f"{shape.tessellation_error / shape.diameter:.3g} equivalent diameters; mass and inertia are the true ones"
+            f"{off / shape.diameter:.3g} equivalent diameters; {true} and inertia are the true ones"
         )
     return ""

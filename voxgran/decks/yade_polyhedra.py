@@ -93,7 +93,7 @@ def corners(template: Template) -> list[str]:
 
 def _corners_of(template: Template) -> Floats:
     """Return the corners (n, 3) of the convex hull of a solid; points in its faces are left out."""
-    points = template.shape.vertices
+    points = template.polyhedron.vertices
     return np.asarray(points[np.sort(load("scipy.spatial").ConvexHull(points).vertices)])
 
 

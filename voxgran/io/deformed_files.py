@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.files import as_path, output_suffix, written_whole
 from voxgran._base.vtk_data import attach, poly_data, write_data
@@ -25,6 +26,8 @@ def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite
 
     Raises
     ------
+    InputError
+        If `deformed` is not what :func:`voxgran.deform` returns.
     FileFormatError
         If the suffix is not ``.vtp``.
     OutputExistsError
@@ -44,6 +47,7 @@ def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite
     """
     target = as_path(path)
     output_suffix(target, [".vtp"], "surfaces of deformed grains are kept")
+    check_type(deformed, Deformed, "deformed", "what deform(packing) returns; call deform")
     start = np.cumsum([0, *(len(vertices) for vertices in deformed.vertices)])
     corners = [faces + base for faces, base in zip(deformed.faces, start[:-1].tolist(), strict=True)]
     data = poly_data(

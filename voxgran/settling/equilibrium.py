@@ -163,7 +163,7 @@ def equilibrium(
     >>> float(found.rests.mean()), bool(found.residual.max() < 0.01)
     (1.0, True)
     """
-    check_type(packing, Assembly, "packing", "a Packing")
+    check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     down, forces = getattr(packing, "gravity", None), getattr(packing, "forces", None)
     tensor = None if stress is None else as_stress(stress, packing.dimension)
     if down is None and stress is None and forces is not None and forces.stress is not None:

@@ -247,7 +247,7 @@ def _with_drawn_values(
     if not isinstance(family, str):
         name = next((key for key in families().names() if type(family) is families().get(key).parameters), "")
         values = to_mapping(family) if name and not parameters else {}
-        given = {item.name: values[item.name] for item in parameters_of(type(family)) if values}
+        given = {item.name: values[item.name] for item in parameters_of(type(family))} if values else {}
     if not given or not isinstance(name, str):
         return family, dict(parameters)
     values = drawn(families().get(name).parameters, given, stream(seed, f"shape {name} values"), where=name)

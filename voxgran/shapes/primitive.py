@@ -15,8 +15,8 @@ from voxgran.shapes.tessellate import SIDES, revolved, sphere, unit_box
 
 Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone", "spherocylinder"]
 
-#: sides of the polygons that stand for the circles of a spherocylinder
-ROUND_SIDES = 64
+#: sides of the polygons that stand for the circles of a spherocylinder, also of a coarse one
+ROUND_SIDES, COARSE_SIDES = 64, 16
 #: names of the dimensions of each kind
 DIMENSIONS: dict[Kind, tuple[str, ...]] = {
     "sphere": ("radius",),
@@ -211,21 +211,22 @@ class Primitive:
             vertices = vertices / np.array([math.cos(math.pi / SIDES), math.cos(math.pi / SIDES), 1.0])
         return vertices @ self.matrix.T, faces
 
-    def tessellation(self) -> tuple[Floats, Integers, float]:
+    def tessellation(self, *, coarse: bool = False) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface.
 
-        Vertices lie on the true surface, so the tessellation is inscribed.
+        Vertices lie on the true surface, so the tessellation is inscribed. There are at most 192 of them in a coarse
+        one.
         """
-        d = self.dimensions
+        d, sides = self.dimensions, COARSE_SIDES if coarse else ROUND_SIDES
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
-            vertices, faces, error = sphere()
+            vertices, faces, error = sphere(2 if coarse else 4)
             vertices, error = vertices * axes, error * float(axes.max())
         elif self.kind == "box":
             vertices, faces, error = unit_box()
             vertices = vertices * np.array(d)
         elif self.kind == "spherocylinder":
-            vertices, faces, error = revolved(self.profile(ROUND_SIDES), sides=ROUND_SIDES)
+            vertices, faces, error = revolved(self.profile(sides), sides=sides)
             # chords of the circle and of the meridian
             error *= 2
         else:

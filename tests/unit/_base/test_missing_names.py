@@ -356,3 +356,18 @@ def test_a_container_without_kind_names_the_key_in_its_place() -> None:
 def test_more_densities_than_shapes_are_refused_by_that_rule() -> None:
     with pytest.raises(InputError, match=r"density is \[2650, 7800\]: it must be one number, or 1, one for each shape"):
         vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), method="rsa", count=2, density=[2650, 7800])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: vg.make_shape(None), "shape family None is unknown: known are"),  # type: ignore[arg-type]
+        (lambda: vg.equilibrium(vg.shapes.sphere()), "it must be a Packing; load or pack one"),  # type: ignore[arg-type]
+        (lambda: vg.spherize(3, radius=1.0), "it must be a Shape; make_shape and load_shape make one"),  # type: ignore[arg-type]
+        (lambda: vg.Vessel(vg.Box((1, 1, 1))), "a Shape or the file of a mesh; make_shape and load_shape make one"),
+        (lambda: vg.save_deformed(vg.shapes.sphere(), "grain.vtp"), "what deform(packing) returns; call deform"),  # type: ignore[arg-type]
+    ],
+)
+def test_an_object_of_another_kind_is_refused_with_a_remedy(call: Any, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        call()

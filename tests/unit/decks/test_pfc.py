@@ -49,7 +49,8 @@ def test_convex_rocks_are_rigid_blocks_and_others_clumps(tmp_path):
 def test_blocks_in_place_of_smooth_grains_have_the_true_mass_and_name_the_error_of_the_inertia(tmp_path):
     shape = vg.make_shape("ellipsoid", semi_axes=(0.5, 0.4, 0.3))
     packing = falling(vg.pack(shape, vg.Box((4, 4, 5)), "rsa", count=3, seed=1, unit="mm"))
-    made, held = deck(tmp_path, packing)
+    assert deck(tmp_path / "usual", packing)[0].simulation.bodies.kinds == {"clump"}
+    made, held = deck(tmp_path, packing, grains="polyhedron")
     bodies = made.simulation.bodies
     assert bodies.kinds == {"polyhedron"}
     np.testing.assert_allclose(held.mass, bodies.mass, rtol=1e-12)

@@ -81,7 +81,7 @@ def hulls(simulation):
     bodies = simulation.bodies
     for number in bodies.of_kind("polyhedron"):
         grains = bodies.assembly
-        points = bodies.templates[grains.shape_id[number]].shape.vertices * grains.scale[number]
+        points = bodies.templates[grains.shape_id[number]].polyhedron.vertices * grains.scale[number]
         yield number, hull_of(points @ grains.matrices[number].T + grains.position[number])
 
 
@@ -165,7 +165,7 @@ def test_a_lens_has_the_stiffness_asked_for(tmp_path):
 
 
 def test_what_polyhedra_do_not_have_is_refused(tmp_path):
-    box, rounded = vg.make_shape("box", aspect=(1, 1, 1)), vg.make_shape("ellipsoid")
+    box, rounded = vg.make_shape("box", aspect=(1, 1, 1)), vg.make_shape("superquadric")
     hertz = {"law": "hertz", "young_modulus": 2e7}
     flat = vg.Box((4, 4, 4))
     refused = {
@@ -180,6 +180,26 @@ def test_what_polyhedra_do_not_have_is_refused(tmp_path):
         with pytest.raises(InputError, match=rf"{words}.*give grains='clump'$"):
             polyhedra(packing, tmp_path, material=material)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [vg.shapes.spherocylinder(aspect=3.0), vg.shapes.spherocylinder(), vg.shapes.ellipsoid(aspect=(1, 1, 2))],
+    ids=["rod", "short rod", "ellipsoid"],
+)
+def test_round_solids_are_polyhedra_of_few_corners_and_the_same_volume(shape, tmp_path):
+    turned = vg.Packing.of(shape, vg.Box((4, 4, 4)), position=[[2, 2, 2]], orientation=[[0.8, 0.6, 0, 0]], unit="mm")
+    deck = polyhedra(engine_cases.falling(turned), tmp_path)
+    template = deck.simulation.bodies.templates[0]
+    corners = np.loadtxt(tmp_path / f"yade_{template.name}.txt")
+    assert len(corners) < 200
+    assert hull_of(corners).volume == pytest.approx(float(shape.volume) * 1e-9)
+    # the surface, of points on the polyhedron, in the body frame
+    points = template.polyhedron.triangles.mean(axis=1)
+    unit = template.shape.diameter
+    off = np.abs(template.shape.signed_distance(np.concatenate([points, template.polyhedron.vertices]))).max() / unit
+    stated = float(re.search(r"off by at most ([\d.e-]+) equivalent diameters; volume", template.approximated)[1])
+    assert 0.3 * stated < off <= 1.001 * stated < 0.02
 
 
 def test_level_sets_do_not_meet_polyhedra():

@@ -86,7 +86,7 @@ def Vessel(  # noqa: N802  (named as the containers are)
     """
     if isinstance(wall, str | os.PathLike):
         wall = _wall_of(wall, unit)
-    check_type(wall, Shape, "wall", "a Shape or the file of a mesh")
+    check_type(wall, Shape, "wall", "a Shape or the file of a mesh; make_shape and load_shape make one")
     if wall.dimension != 3 or not hasattr(wall.geometry, "faces"):
         raise InputError(f"wall {wall.name!r} is no mesh: a vessel is made of the triangles of a wall; give a mesh")
     up = -np.array(direction(gravity, "gravity"))

@@ -196,7 +196,7 @@ def _solids(template: Template) -> list[tuple[Floats, list[list[int]]]]:
     if template.kind == "convex_parts":
         return [_faceted(part) for part in convex_parts(shape)]
     if template.kind == "polyhedron":
-        return [_faceted(Mesh(shape.vertices, shape.faces))]
+        return [_faceted(template.polyhedron)]
     return [(shape.vertices, shape.faces.tolist())]
 
 

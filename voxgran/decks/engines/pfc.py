@@ -253,10 +253,10 @@ def _corners(template: Template) -> tuple[Floats, float]:
 
     PFC computes mass and centroid from the hull; with this share of the density the mass is the true one.
     """
-    shape = template.shape
-    points = shape.vertices[np.unique(shape.faces)]
+    solid = template.polyhedron
+    points = solid.vertices[np.unique(solid.faces)]
     hull = hull_of(points)
-    return points - hull.centroid, float(shape.volume / hull.volume)
+    return points - hull.centroid, float(template.shape.volume / hull.volume)
 
 
 def _approximations(simulation: Simulation) -> list[str]:

@@ -134,7 +134,7 @@ def spherize(
     >>> round(vg.spherize(cube, 1.0).volume, 2)  # a sphere of radius 1
     4.19
     """
-    check_type(shape, Shape, "shape", "a Shape")
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     shape.refuse_open("spheres inside")
     if shape.dimension == 2:
         raise InputError(f"shape {shape.name!r} is plane: only solids are inflated toward spheres; use a solid")
