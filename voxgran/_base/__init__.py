@@ -6,10 +6,8 @@ The stub beside an ``__init__.py`` is the only table of its public names: type c
 :func:`lazy_names`. Each of its imports is one line ``from place import name as name``.
 """
 
-import sys
 from collections.abc import Callable
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 
@@ -34,29 +32,6 @@ class Missing:
 
     def __repr__(self) -> str:
         return repr(str(self))
-
-
-class Room(ModuleType):
-    """A module that says what may be called in its place, and so do all modules that it is given later."""
-
-    # Python sets each module that it has imported as an attribute of its package, beside functions of similar names
-    def __setattr__(self, name: str, value: object) -> None:
-        if type(value) is ModuleType:
-            value.__class__ = Room
-        super().__setattr__(name, value)
-
-    def __call__(self, *arguments: object, **keywords: object) -> None:
-        """Raise the error for a module that is called.
-
-        Raises
-        ------
-        CallError
-            Always.
-        """
-        from voxgran._base.errors import CallError
-        from voxgran._base.remedies import remedy_of_call
-
-        raise CallError(f"{self.__name__} is a module, which cannot be called: {remedy_of_call(self.__name__)}")
 
 
 def missing_names(module: str) -> Callable[[str], Any]:
@@ -109,7 +84,6 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     AttributeError
         By the returned ``__getattr__``, for a name that is not in the stub.
     """
-    sys.modules[package].__class__ = Room
     with open(file.removesuffix(".py") + ".pyi", encoding="utf-8") as stub:
         lines = [line.split() for line in stub if line.startswith("from voxgran")]
     # where a name has its types in another stub, a comment says where it is

@@ -22,21 +22,6 @@ def remedy_in_module(module: str, name: str) -> str:
     return f"did you mean {meant!r}?" if meant else f"dir({module}) lists its names"
 
 
-def remedy_of_call(module: str) -> str:
-    """Return what may be called in place of a module."""
-    here, (package, _, word) = sys.modules[module], module.rpartition(".")
-    top = sys.modules["voxgran"]
-    if here is top or (getattr(top, word, None) is here and word in top.__all__):
-        place, names = "voxgran" if here is top else f"voxgran.{word}", vars(here).get("__all__") or dir(here)
-        first = "pack" if here is top else min(names, key=lambda name: (name[0].isupper(), name))
-        return (
-            f"write one of its names, which dir({place}) lists, such as {place.replace('voxgran', 'vg')}.{first}(...)"
-        )
-    own = "__dir__" in vars(sys.modules[package])
-    remedy = remedy_in_module(package, word) if own else "dir(voxgran)"
-    return remedy_in_module("voxgran", word) if remedy.startswith("dir(") else remedy
-
-
 def _error_of(name: str) -> str | None:
     """Return what is caught in place of a class of errors or warnings that is not public; None for other names."""
     found = getattr(errors, name, None)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base import ExplainedAttributes, Room
+from voxgran._base import ExplainedAttributes
 from voxgran._base.errors import CallError, InputError, UnknownNameError, VoxgranError, nearest, nearest_word
 from voxgran._base.units import as_unit
 from voxgran.shapes.images.image_files import Image
@@ -70,31 +70,6 @@ def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant
 def test_what_is_made_by_a_call_names_the_call(typed: str, written: str) -> None:
     with pytest.raises(AttributeError, match=re.escape(f"has no attribute '{typed}': write {written}") + "$"):
         getattr(vg, typed)
-
-
-@pytest.mark.parametrize(
-    ("module", "remedy"),
-    [
-        ("voxgran", "such as vg.pack(...)"),
-        ("voxgran.shapes", "such as vg.shapes.box(...)"),
-        ("voxgran.shapes.sizes", "which dir(voxgran.sizes) lists, such as vg.sizes.discrete(...)"),
-        ("voxgran.shapes.spheres", "did you mean 'sphere'?"),
-        ("voxgran.clumps.fit", "did you mean 'fit_clump'?"),
-        ("voxgran.measures", "did you mean 'measure'?"),
-        ("voxgran.packing.rsa", "write vg.pack(shapes, container, 'rsa', ...)"),
-    ],
-)
-def test_a_module_that_is_called_says_what_is_called_in_its_place(module: str, remedy: str) -> None:
-    with pytest.raises(CallError, match=f"^{module} is a module, which cannot be called: .*{re.escape(remedy)}$"):
-        importlib.import_module(module)(1, radius=2)
-
-
-def test_no_module_beside_a_public_name_is_silent() -> None:
-    for place in (vg, vg.shapes, vg.sizes, vg.orientations, vg.clumps, vg.containers, vg.families, vg.methods):
-        inside = [found for name, found in vars(place).items() if inspect.ismodule(found) and not name.startswith("_")]
-        for found in (entry for entry in inside if entry.__name__.startswith("voxgran")):
-            with pytest.raises(CallError, match="is a module"):
-                found()
 
 
 def test_python_adds_no_second_suggestion() -> None:
@@ -222,15 +197,9 @@ def test_the_message_is_composed_when_it_is_shown(packing: vg.Packing, monkeypat
     assert str(found.value) == "Packing has no attribute 'positions': write nothing"
 
 
-def test_modules_differ_from_modules_of_python_in_a_call_only() -> None:
-    assert issubclass(Room, types.ModuleType)
-    assert {name for name in vars(Room) if name not in vars(type("Plain", (types.ModuleType,), {}))} == {
-        "__call__",
-        "__setattr__",
-    }
-
-
-def test_classes_are_those_of_python() -> None:
+def test_classes_and_modules_are_those_of_python() -> None:
+    packages = [vg, vg.methods, vg.containers, vg.shapes, importlib.import_module("voxgran.contacts")]
+    assert {type(package) for package in packages} == {types.ModuleType}
     assert type(vg.Packing) is type(vg.Box) is type(vg.Shape) is type
 
 
