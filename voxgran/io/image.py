@@ -25,6 +25,8 @@ from voxgran.shapes.images.image_files import image_library
 VOXEL_LIMIT = 4 * 10**9
 #: what images are kept as
 SUFFIXES = (".vti", ".tif", ".tiff", ".zarr")
+#: bytes from which on a TIFF file needs offsets of 64 bits, with room for its tags
+LARGE = 2**32 - 2**25
 
 
 @explained(hint="to_image(packing, 0.1)")
@@ -224,7 +226,10 @@ def save_image(
             attach_texts(data.GetFieldData(), {"unit": name} if name else {})
             write_data("vtkXMLImageDataWriter", data, draft)
         else:
-            image_library("tifffile").imwrite(draft, data, photometric="minisblack", metadata=None, **lattice)
+            # earlier versions of tifffile take pages of one column for the rows of a single page
+            with image_library("tifffile").TiffWriter(draft, bigtiff=data.nbytes > LARGE) as file:
+                for part in data if data.ndim == 3 and data.shape[2] == 1 else [data]:
+                    file.write(part, photometric="minisblack", metadata=None, contiguous=True, **lattice)
 
 
 def _is_of_zarr(path: Path) -> bool:

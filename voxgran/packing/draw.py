@@ -233,9 +233,7 @@ def _without_sizes(
         raise InputError("sizes is given: the method makes the sizes of the grains itself; leave it out")
     many = MOST_MADE if count is None else count
     shape_id = stream(seed, "shapes").choice(len(shapes), size=many, p=shares).astype(np.int64)
-    unit = np.array([shape.volume / shape.diameter**container.dimension for shape in shapes])
-    total = float(unit[shape_id].sum()) if many else 1.0
-    room = container.volume / total
+    room = container.volume / (float(_unit_volumes(shapes)[shape_id].sum()) if many else 1.0)
     diameter = cube_root(room) if container.dimension == 3 else math.sqrt(room)
     return DrawnGrains(shape_id, np.full(many, diameter), {"count": 0, "volume": 0.0})
 
@@ -337,9 +335,9 @@ def _laid(
     shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution, *, count: int | None, target: float, seed: int
 ) -> tuple[Integers, Floats]:
     """Return shapes and diameters of the grains of strata: a count, or as many as have the target volume."""
-    dimension, factors = shapes[0].dimension, _factors(shapes, sizes)
-    unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes]) * factors**dimension
-    mean = float(shares @ unit) * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
+    dimension = shapes[0].dimension
+    mean = float(shares @ (_unit_volumes(shapes) * _factors(shapes, sizes) ** dimension))
+    mean = mean * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
     room = target / mean if mean > 0.0 else math.inf
     many = min(math.inf if count is None else count, math.ceil(room) if math.isfinite(room) else math.inf)
     if count is None and many > MOST_DRAWN:
@@ -430,17 +428,20 @@ def _diameters(
     shapes: Sequence[Shape], shape_id: Integers, sizes: SizeDistribution | None, generator: np.random.Generator
 ) -> Floats:
     """Return equivalent diameters, drawn independently."""
-    own = np.array([shape.diameter for shape in shapes])
     if sizes is None:
-        return own[shape_id]
+        return np.array([shape.diameter for shape in shapes])[shape_id]
     return sizes.sample(len(shape_id), generator, dimension=shapes[0].dimension) * _factors(shapes, sizes)[shape_id]
 
 
 def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> Floats:
     """Return the true volumes of grains."""
-    dimension = shapes[0].dimension
-    unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes])
-    return unit[shape_id] * diameter**dimension
+    own, volume = np.array([(shape.diameter, shape.volume) for shape in shapes])[shape_id].T
+    return volume * (diameter / own) ** shapes[0].dimension
+
+
+def _unit_volumes(shapes: Sequence[Shape]) -> Floats:
+    """Return the volumes of shapes at unit diameter; products have the same bits in any power of two as unit."""
+    return np.array([shape.volume / math.prod((shape.diameter,) * shape.dimension) for shape in shapes])
 
 
 def _lengths_text(container: Container) -> str:

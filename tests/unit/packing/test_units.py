@@ -9,8 +9,10 @@ from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Lid
 from voxgran.packing.control_point.first_contact import Encounter
+from voxgran.packing.draw import Request, draw_grains
 
 BALL = vg.make_shape("sphere")
 
@@ -198,6 +200,38 @@ def test_two_grains_that_meet_are_brought_to_one_unit():
         for unit, edge, other in (("cm", 10.0, "mm"), ("cm", 1.0, None), (None, 1.0, None))
     ]
     assert ways == pytest.approx([ways[-1]] * 3)
+
+
+def hard_lengths():
+    """Return lengths of which a power rounds in another way in another unit, by the C library of this machine."""
+    lengths, unit = stream(1, "lengths").uniform(0.3, 3.0, 20_000).tolist(), 2.0**-10
+    return [x for x in lengths if any((x * unit) ** k != x**k * unit**k for k in (2, 3))][:12]
+
+
+@pytest.mark.parametrize("kind", ["Cylinder", "Disk", "Sphere"])
+def test_volumes_of_round_containers_have_the_same_bits_in_any_power_of_two(kind):
+    def volume(length):
+        return getattr(vg, kind)(*((length, length) if kind == "Cylinder" else (length,))).volume
+
+    unit = 2.0**-10
+    power = 2 if kind == "Disk" else 3
+    assert [volume(x * unit) for x in hard_lengths()] == [volume(x) * unit**power for x in hard_lengths()]
+
+
+@pytest.mark.parametrize("sizing", ["drawn", "scaled", "made"])
+def test_drawn_grains_have_the_same_bits_in_any_power_of_two(sizing):
+    """As many equal grains as just have the volume, of a common factor, and of sizes that the method makes."""
+
+    def drawn(length, unit):
+        shapes = [vg.make_shape("sphere", diameter=length).scaled(unit)]
+        box = vg.Box((8 * length * unit,) * 3)
+        sizes = None if sizing == "made" else vg.sizes.fixed(0.7 * length * unit)
+        amount = {"count": 12} if sizing == "made" else {"solid_fraction": 12 * shapes[0].volume * 0.7**3 / box.volume}
+        asked = Request(shapes, box, "rsa", sizes=sizes, **amount)
+        return draw_grains(asked, surplus=False, stretches=False, sizing=sizing, own_shapes=False).diameter
+
+    for length in hard_lengths():
+        np.testing.assert_array_equal(drawn(length, 2.0**-10), drawn(length, 1.0) * 2.0**-10)
 
 
 #: methods whose grains push each other or move by chance: a difference in the last digit grows from contact to contact

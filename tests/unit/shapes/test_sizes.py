@@ -76,6 +76,21 @@ def test_laws_begin_at_zero_and_end_at_one(name):
     assert law.quantile(0.5).shape == ()
 
 
+@pytest.mark.parametrize("name", LAWS | STEPS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_strata_quantiles_and_volumes_have_the_same_bits_in_any_power_of_two(name, dimension):
+    one, factor = (LAWS | STEPS)[name].scaled(1.3), 2.0**-10
+    two = one.scaled(factor)
+    for count in (7, 200):
+        found = [law.strata(count, stream(2, name), dimension=dimension) for law in (one, two)]
+        np.testing.assert_array_equal(found[0] * factor, found[1])
+    shares = np.linspace(0.01, 0.99, 9)
+    for basis in ("number", "volume"):
+        found = [law.quantile(shares, basis=basis, dimension=dimension) for law in (one, two)]
+        np.testing.assert_array_equal(found[0] * factor, found[1])
+    assert one.mean_volume(dimension=dimension) * factor**dimension == two.mean_volume(dimension=dimension)
+
+
 @pytest.mark.parametrize("power", [-20, 20])
 def test_a_power_of_two_gives_the_same_bits(power):
     factor = 2.0**power

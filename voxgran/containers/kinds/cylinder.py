@@ -55,7 +55,7 @@ class Cylinder(Parametric):
     @property
     def volume(self) -> float:
         """Volume."""
-        return math.pi * self.radius**2 * self.height
+        return math.pi * self.radius * self.radius * self.height  # a power may round in another way in another unit
 
     @property
     def bounds(self) -> Floats:

@@ -54,7 +54,7 @@ class Disk(Parametric):
     @property
     def volume(self) -> float:
         """Area."""
-        return math.pi * self.radius**2
+        return math.pi * self.radius * self.radius  # a power may round in another way in another unit
 
     @property
     def bounds(self) -> Floats:

@@ -53,7 +53,7 @@ class Sphere(Parametric):
     @property
     def volume(self) -> float:
         """Volume."""
-        return 4 / 3 * math.pi * self.radius**3
+        return 4 / 3 * math.pi * self.radius * self.radius * self.radius  # a power may round in another way
 
     @property
     def bounds(self) -> Floats:

@@ -114,7 +114,8 @@ class SizeDistribution(ABC):
         share = np.asarray(shares, dtype=np.float64)
         if share.size and not ((share >= 0) & (share <= 1)).all():
             raise InputError(f"shares reach from {share.min()} to {share.max()}: each must be in [0, 1]; change them")
-        return self._inverse(share, self._power(basis, dimension))
+        law, unit = self._in_unit()
+        return law._inverse(share, self._power(basis, dimension)) * unit
 
     def sample(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:
         """Draw random grain sizes, by number, each independently of the others.
@@ -139,8 +140,9 @@ class SizeDistribution(ABC):
             If the count is negative or the dimension not 2 or 3.
         """
         draws = generator.random(as_count(count, "count"))
+        law, unit = self._in_unit()
         # 0 is a possible draw, the size 0 is not
-        return self._inverse(np.maximum(draws, 2.0**-54), self._power("number", dimension))
+        return law._inverse(np.maximum(draws, 2.0**-54), self._power("number", dimension)) * unit
 
     def strata(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:
         """Return sizes that follow the distribution as nearly as so many grains can, the smallest first.
@@ -170,17 +172,19 @@ class SizeDistribution(ABC):
             If the count is negative or the dimension not 2 or 3.
         """
         n, power = as_count(count, "count"), self._power("number", dimension)
+        law, unit = self._in_unit()
         shares = np.arange(n, dtype=np.float64)
         shares += generator.random(n)
         shares /= max(n, 1)
         # 0 is a possible share, the size 0 is not
-        sizes = self._inverse(np.maximum(shares, 2.0**-54, out=shares), power)
+        sizes = law._inverse(np.maximum(shares, 2.0**-54, out=shares), power)
         if self.basis == "volume" and self.is_continuous and n:
             first = max(0, n - LARGEST)
-            ends = self._inverse(np.maximum(np.arange(first, n + 1) / n, 2.0**-54), power)
-            volumes = n * np.diff(self._partial(ends, power + dimension)) / self._partial(np.array(math.inf), power)
+            ends = law._inverse(np.maximum(np.arange(first, n + 1) / n, 2.0**-54), power)
+            volumes = n * np.diff(law._partial(ends, power + dimension)) / law._partial(np.array(math.inf), power)
             mean = np.clip(volumes ** (1.0 / dimension), ends[:-1], ends[1:])
             sizes[first:] = np.where(ends[1:] > WIDE * ends[:-1], mean, sizes[first:])
+        sizes *= unit
         return sizes
 
     def mean_volume(self, *, dimension: int = 3) -> float:
@@ -197,8 +201,9 @@ class SizeDistribution(ABC):
             If the dimension is not 2 or 3.
         """
         power, whole = self._power("number", dimension), np.array(math.inf)
-        mean = float(self._partial(whole, power + dimension) / self._partial(whole, power))
-        return mean * math.pi / (6 if dimension == 3 else 4)
+        law, unit = self._in_unit()
+        mean = float(law._partial(whole, power + dimension) / law._partial(whole, power))
+        return mean * unit**dimension * math.pi / (6 if dimension == 3 else 4)
 
     def scaled(self, factor: float) -> Self:
         """Return the distribution with all sizes multiplied by a factor above 0.
@@ -215,6 +220,19 @@ class SizeDistribution(ABC):
             if entry.unit == "length" and value is not None:
                 sizes[entry.name] = tuple(times * v for v in value) if isinstance(value, tuple) else times * value
         return replace(self, **sizes)
+
+    def _in_unit(self) -> tuple[Self, float]:
+        """Return the distribution in a power of two as the unit, and this unit.
+
+        Logarithms, roots and powers then round in the same way in all units that differ by a power of two.
+        """
+        unit = 2.0 ** (math.frexp(self._length())[1] - 1)
+        return (self, 1.0) if unit == 1.0 else (self.scaled(1.0 / unit), unit)
+
+    def _length(self) -> float:
+        """Return the first length that is given."""
+        values = (getattr(self, entry.name) for entry in parameters_of(type(self)) if entry.unit == "length")
+        return float(np.ravel(next(value for value in values if value is not None))[-1])
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values, from which `make_sizes` restores the distribution."""

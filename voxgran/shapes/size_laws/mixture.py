@@ -71,6 +71,10 @@ class Mixture(SizeDistribution):
         """
         return replace(self, parts=tuple(part.scaled(factor) for part in self.parts))
 
+    def _length(self) -> float:
+        """Return a length of the first part."""
+        return self.parts[0]._length()
+
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values, from which `make_sizes` restores the distribution."""
         return SizeDistribution.to_mapping(self) | {"parts": [part.to_mapping() for part in self.parts]}
