@@ -110,7 +110,7 @@ def _make_attempts(
     method: PackingMethod, problem: Problem, state: RunState, how: Drive, keeper: "_Keeper", signals: Signals
 ) -> RunState:
     """Return the state after all attempts, or those that were made before the run was asked to stop."""
-    chunk, begin, moved = how.chunk or FIRST_CHUNK, state.done, False
+    chunk, begin, moved = how.chunk or FIRST_CHUNK, _made(state), False
 
     def is_over() -> bool:
         late = how.time_limit is not None and time.monotonic() - how.started > how.time_limit
@@ -122,7 +122,7 @@ def _make_attempts(
         due = math.inf if how.recorder is None else how.recorder.due(state.done)
         with contextlib.suppress(Stopped), stopping_when(is_over):
             state = method.advance(problem, state, int(min(chunk, due - state.done)))
-        moved = state.done > begin
+        moved = _made(state) > begin
         if how.chunk is None and state.done > before:
             share = CHUNK_SECONDS / max(time.monotonic() - began, 1e-6)
             chunk = int(np.clip((state.done - before) * share, 1, 2 * chunk))
@@ -131,6 +131,12 @@ def _make_attempts(
             how.recorder.record(method.finish(problem, state), state.done)
         keeper.keep(state, at_once=False)
     return state
+
+
+def _made(state: RunState) -> int:
+    """Return how far a run is: in steps where grains settle, whose attempts only count until the next step is due."""
+    made: int = getattr(state, "steps", state.done)
+    return made
 
 
 class _Keeper:

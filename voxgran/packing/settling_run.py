@@ -201,6 +201,11 @@ class SettledState:
         return "" if self.outer is None else self.outer.told
 
     @property
+    def steps(self) -> int:
+        """Attempts of the method and steps of the settling that were made."""
+        return self.inner.done + (0 if self.outer is None else self.outer.steps)
+
+    @property
     def derived(self) -> dict[str, Any]:
         """Data that follow from the other fields."""
         return self.inner.derived

@@ -28,6 +28,8 @@ RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
 EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
+#: steps after which grains of a bed with friction are parted that still overlap by more than that depth
+HELD = 24
 #: largest gap that contacts which bear forces have when a copy is examined, rounds of parting then, and how far
 #: grains move in one
 CLOSED, CLOSER_ROUNDS, CLOSER = 8e-4, 8, 5e-3
@@ -134,6 +136,16 @@ class Examined(Resumable):
             return True
         smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=TRIANGLES.most, margin=TRIANGLES.margin)
         return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
+
+    def _part_wedged(self) -> None:
+        """Part grains that walls wedge: to open their contacts, a bed would have to rise against friction.
+
+        The forces for that grow exponentially with the depth in widths of the container (Janssen 1895), so that no
+        sweeps find them. Without friction grains are parted in a few rounds.
+        """
+        bed = self.bed
+        if self.progress.still_steps % HELD == 0 and float(bed.gap.min(initial=0.0)) < -SHALLOW:
+            part_grains(bed, PARTED, ROUNDS)
 
     def _part_tightly(self) -> None:
         """Part grains that fit between walls, or in a tube, without the distance that surfaces keep, or with none."""

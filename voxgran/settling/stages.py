@@ -124,12 +124,11 @@ class Settler(Examined):
         self.progress = Progress(stage=RAIN if rain is not None else START if small is None else GROWTH)
         if self.small is not None:
             self.bed.resize(self.small[self.bed.order])
-        surfaces = SURFACE in self.bed.finders.kinds
         self.friction = friction_of(how.friction, assembly)
         least, largest = friction_range(self.friction)
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
-        self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
+        self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if SURFACE in self.bed.finders.kinds else {}))
         grown = self.bed.spheres and self.small is not None
         self._falling = self._fall._replace(**SPHERE_FALL) if grown else self._fall
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
@@ -313,6 +312,7 @@ class Settler(Examined):
         progress.still_steps += 1
         last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
         if preset is FRICTIONAL:
+            self._part_wedged()
             if last or (moving < EARLY and progress.still_steps % EVERY == 0):
                 progress.stage = LOOK
             return

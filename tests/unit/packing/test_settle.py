@@ -375,3 +375,21 @@ def test_hulls_in_place_of_meshes_settle_without_overlap():
     assert bed.verify().ok
     assert bed.stop_reason == "settled"
     assert bed.provenance["settling"]["parameters"]["parts"] == "hulls"
+
+
+def test_each_call_with_a_short_time_limit_makes_a_step(tmp_path):
+    """Attempts that only count until the next step is due are no work."""
+    box, steps, how = vg.Box((4, 4, 6)), [], {"checkpoint": tmp_path / "run", "resume": True, "time_limit": 0.0}
+    for _ in range(4):
+        part = vg.pack(SPHERE, box, "gravity", count=20, **how)
+        steps.append(part.provenance["settling"]["steps"])
+    assert steps == [1, 2, 3, 4]
+
+
+def test_a_deep_column_between_walls_is_not_wedged():
+    """Growing spheres press against walls, whose friction holds the overlaps: it took 817 steps and a second fall."""
+    column = vg.pack(SPHERE, vg.Box((4, 4, 33)), "gravity", count=420, seed=1)
+    assert column.provenance["settling"]["resting"] > 0.98
+    assert column.provenance["settling"]["steps"] < 600
+    assert vg.equilibrium(column).attrs["share_at_rest"] > 0.98
+    assert vg.verify(column).ok
