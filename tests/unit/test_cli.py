@@ -752,6 +752,9 @@ def test_each_method_and_kind_of_shape_is_compiled_beforehand():
     for method in vg.packing_methods():
         # what is refused has no kernels, and nobody would see it
         beforehand.pack_few(method, "sphere")
+    for method, more in beforehand.ASKED.items():
+        beforehand.pack_few(method, "sphere", **more)
+    beforehand.overlap_few()
     settled = {task.args[0] for task in tasks if task.func is beforehand.settle_few}
     kinds = {SPHERE, CONVEX, SURFACE, OUTLINE}
     assert set(kinds_of([vg.make_shape(family) for family in settled]).tolist()) == kinds

@@ -59,16 +59,19 @@ QUICK: dict[str, dict[str, Any]] = {name: {"sweeps": 100, "settle": False} for n
 ASKED: dict[str, dict[str, Any]] = {
     "rsa": {"until": "saturated", "tries": 20, "count": 80},
     "digital_fill": {"place": "contact"},
+    "voronoi_fill": {"fill": "cells"},
 }
+#: kinds of shapes whose overlaps are found by kernels of their own, those that are compared together
+OVERLAPPING = (("cylinder", "solid_union", "ellipsoid"), ("shell", "shell"), ("polygon", "polygon", "disk"))
 #: methods with kernels of their own for grains that are there before, and what is asked of them
 ADDING: dict[str, dict[str, Any]] = {
-    "control_point": {"distance": 0.05},
+    "control_point": {"distance": 0.05, "lid": True},
     "digital": {},
     "digital_fill": {},
     "growth": {},
 }
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 140
+KERNELS = 151
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
@@ -120,18 +123,8 @@ def scenes() -> list[Callable[[], None]]:
     in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
     asked = [partial(pack_few, method, family, **more) for method, more in ASKED.items() for family in FAMILIES]
     added = [partial(add_few, method, **more) for method, more in ADDING.items()]
-    return [
-        *in_turn,
-        *packed[len(settled) :],
-        *asked,
-        *added,
-        settle_many,
-        measure_few,
-        read_few,
-        deform_few,
-        use_solids,
-        *made,
-    ]
+    few = [settle_many, overlap_few, measure_few, read_few, deform_few, use_solids]
+    return [*in_turn, *packed[len(settled) :], *asked, *added, *few, *made]
 
 
 def _methods() -> list[str]:
@@ -158,6 +151,15 @@ def add_few(method: str, **more: Any) -> None:
     pack(rock, BOX, method, count=1, start=start, seed=1, **few)
     tank = make_shape("box", lengths=(3, 3, 4))
     pack(rock, ClosedMesh(Shape.from_mesh(tank.vertices, tank.faces)), method, count=1, seed=1, **few)
+
+
+def overlap_few() -> None:
+    """Check grains that overlap."""
+    for families in OVERLAPPING:
+        shapes = [make_shape(family) for family in families]
+        box: Container = Rectangle((3, 3)) if shapes[0].dimension == 2 else BOX
+        position = [(1.2 + 0.4 * k, 1.5, 1.5 * (box.dimension - 2)) for k in range(len(shapes))]
+        verify(Packing.of(shapes, box, position=position, shape_id=range(len(shapes))))
 
 
 def measure_few() -> None:

@@ -32,7 +32,7 @@ class Census:
         """Return the (nx, ny, nz) image with the labels numbered 1 ... n in a copy, slab by slab."""
         n, most = len(self.label), int(self.label[-1])
         if most == n:
-            return np.array(image, dtype=np.int32)
+            return np.array(image, dtype=np.int32, order="C")
         numbers = np.empty(image.shape, dtype=np.int32)
         table = np.zeros(1 + min(most, LARGEST), dtype=np.int32)
         if most <= LARGEST:

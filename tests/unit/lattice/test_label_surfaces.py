@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, Voronoi, cKDTree
 from voxgran._base.seeds import stream
 from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import areas_of, enclosed_volume
+from voxgran.lattice.census import census
 from voxgran.lattice.label_net import BEYOND, net_of, split_of, triangles_of
 from voxgran.lattice.label_pieces import tiles_of
 from voxgran.lattice.label_surfaces import STEPS, _smoothed, label_surfaces
@@ -21,7 +22,7 @@ EVEN = np.ones(3)
 
 def surfaces_of(image, *, periodic="", smoothing=1.0, spacing=EVEN):
     """Return the surfaces, and vertices in lengths and triangles of each label."""
-    labels = np.array(image, dtype=np.int32)
+    labels = np.array(image, dtype=np.int32, order="C")
     wraps = np.array([axis in periodic for axis in "xyz"])
     count = int(labels.max())
     made = label_surfaces(labels, count, wraps=wraps, smoothing=smoothing, spacing=spacing)
@@ -41,6 +42,13 @@ def cells(n, count, *, reach=np.inf, seed=0, torus=True):
     places = np.stack(np.indices((n, n, n)), axis=-1).reshape(-1, 3) + 0.5
     distance, nearest = cKDTree(points, boxsize=n if torus else None).query(places)
     return np.where(distance <= reach, nearest + 1, 0).reshape(n, n, n), points
+
+
+def test_labels_are_numbered_in_one_order_of_axes():
+    image = np.asfortranarray(noise(0))
+    numbers = census(image).numbered(image)
+    assert numbers.flags.c_contiguous
+    assert np.array_equal(numbers, image)
 
 
 @given(seed=st.integers(0, 10**6), labels=st.integers(1, 4), smoothing=st.sampled_from([0.0, 0.4, 1.0]))
