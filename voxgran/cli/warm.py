@@ -71,7 +71,7 @@ ADDING: dict[str, dict[str, Any]] = {
     "growth": {},
 }
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 151
+KERNELS = 152
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
