@@ -71,7 +71,7 @@ def repeated(container: Container, repeats: Any) -> tuple[Container, Integers]:
             f"repeats is {shown(repeats)}: it must be {d} whole numbers, one for each axis, or one number for all "
             f"periodic axes; give {tuple(2 if wraps else 1 for wraps in periodic[:d])}"
         )
-    given = repeats if one is None else [one if wraps else 1 for wraps in periodic[:d]]
+    given = repeats if one is None else [one if wraps or not any(periodic) else 1 for wraps in periodic[:d]]
     many = [as_count(times, "repeats", at_least=1) for times in given]
     as_count(math.prod(many), "number of copies", at_most=MOST_COPIES)
     for axis, times in enumerate(many):

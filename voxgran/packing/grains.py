@@ -221,8 +221,9 @@ class GrainSequence(ExplainedAttributes, Assembly):
         Returns
         -------
         Packing
-            All copies; ``provenance["tiled"]`` has the repeats and the number of grains of one copy. Rows of a list
-            (``grain_id``) are there once in each copy.
+            All copies; ``provenance["tiled"]`` has the repeats and the number of grains of one copy. Copies of a
+            packing that consists of copies itself are told as one, unless grains have moved since or some are left out.
+            Rows of a list (``grain_id``) are there once in each copy.
 
         Raises
         ------
@@ -230,6 +231,8 @@ class GrainSequence(ExplainedAttributes, Assembly):
             If `repeats` are no whole numbers of at least 1, there are more or fewer of them than axes, one is above 1
             along an axis that is not periodic, there are more than a million copies, or the container is of a class of
             your own.
+        TooLargeError
+            If the copies need more memory than there is.
 
         Examples
         --------

@@ -278,7 +278,8 @@ def prepare_task(request: Request) -> Task:
     )
     asked = _asked(request, count, solid_fraction, listed, orientations)
     if start is not None:
-        asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
+        told = {"method": "", **start.provenance}
+        asked["start"] = {"count": start.count} | {key: told[key] for key in ("method", "tiled") if key in told}
         grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:

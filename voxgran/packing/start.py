@@ -9,6 +9,7 @@ provides the distance that the method requires. On a lattice they are displaced 
 All other grains may have orientations that are asked for, which they have from the beginning, too.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -23,17 +24,21 @@ from voxgran._base.seeds import stream
 from voxgran._base.units import NO_UNIT
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.contacts.forces import among_movable, tiled_forces, tiled_positions
-from voxgran.containers.model import Container, within_periods
+from voxgran.containers.model import Container, periods_of, within_periods
 from voxgran.containers.stretch import repeated
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.given import Given
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import given
+from voxgran.geometry.periods import nearest_turns
 from voxgran.shapes.describing.extents import body_axes
 from voxgran.shapes.model import Shape
+from voxgran.shapes.size_laws.listed import refuse_too_many
 
 #: under which name a packing without its fixed grains keeps these
 STANDING = "standing"
+#: distance in median diameters by which the grains of copies that are alike differ at most
+SAME = 1e-6
 #: how packings become alike in what they must share for a sum
 _REMEDIES = {
     "unit": "convert one with to_unit",
@@ -209,15 +214,29 @@ def copies_of(packing: Any, repeats: Any) -> dict[str, Any]:
         As :meth:`voxgran.Packing.tiled`.
     """
     box, cells = repeated(packing.container, repeats)
+    refuse_too_many(packing.count * len(cells))
     moved, k = tiled_positions(packing, box, cells), len(cells)
     tile: dict[str, Any] = {"shape_id": k, "scale": k, "orientation": (k, 1), "fixed": k, "grain_id": k}
     values = {name: getattr(packing, name) for name in tile}
     values = {name: None if value is None else np.tile(value, tile[name]) for name, value in values.items()}
-    before = packing.provenance.get("tiled", {"repeats": 1, "count": packing.count})
+    before = _alike(packing) or {"repeats": 1, "count": packing.count}
     many = (cells.max(axis=0) + 1)[: packing.dimension] * before["repeats"]
     record = {**deepcopy(dict(packing.provenance)), "tiled": {**before, "repeats": many.tolist()}}
     forces = None if packing.forces is None else tiled_forces(packing, packing.forces, moved, cells)
     return {**values, "position": moved, "container": box, "forces": forces, "provenance": record}
+
+
+def _alike(packing: Any) -> dict[str, Any]:
+    """Return what the provenance says of copies of which a packing consists, or nothing where they are alike no more,
+    since grains have moved or some are left out.
+    """
+    record = packing.provenance.get("tiled", {})
+    if not record or packing.count != math.prod(record["repeats"]) * record["count"]:
+        return {}
+    apart = packing.position.reshape(-1, record["count"], 3) - packing.position[: record["count"]]
+    apart, periods = (apart - apart[:, :1]).reshape(-1, 3), periods_of(packing.container)
+    apart -= nearest_turns(apart, periods) @ periods
+    return dict(record) if np.abs(apart).max(initial=0.0) < SAME * packing.median_diameter else {}
 
 
 def standing_in(packing: Any) -> Any:

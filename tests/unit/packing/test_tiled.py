@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
 from voxgran.cli import main
 from voxgran.contacts.forces import chain_ends
 from voxgran.report.facts import details
@@ -137,6 +137,31 @@ def test_the_prompt_tiles_and_the_report_says_so(tmp_path, capsys):
     large = vg.load(tmp_path / "large.vtp")
     assert large.verify().ok
     assert any(fact.label == "tiled" and "count" in fact.value for fact in details(large))
+
+
+def test_the_record_tells_copies_that_are_alike():
+    """Of copies that have moved, or of which grains are left out, the record begins anew; a start keeps its own."""
+    one = bed(vg.shapes.sphere())
+    large = one.tiled(2)
+    assert large.tiled(2).provenance["tiled"] == {"repeats": [4, 4, 1], "count": one.count}
+    moved = replace(large, position=large.position + [0, 0, 1e-4] * (np.arange(large.count) == 30)[:, None])
+    assert moved.tiled(2).provenance["tiled"] == {"repeats": [2, 2, 1], "count": large.count}
+    assert large[::2].tiled((3, 1, 1)).provenance["tiled"] == {"repeats": [3, 1, 1], "count": large.count // 2}
+    tilted = cell().tiled(2)
+    assert tilted.tiled((1, 2, 1)).provenance["tiled"]["repeats"] == [2, 4, 2]
+    more = vg.pack(vg.shapes.sphere(), large.container, "deposition", count=4, start=large)
+    assert more.provenance["asked"]["start"] == {
+        "count": large.count, "method": "gravity", "tiled": {"repeats": [2, 2, 1], "count": one.count},
+    }  # fmt: skip
+
+
+def test_copies_beyond_the_memory_and_walls_all_around_refuse():
+    one = vg.Packing.of(vg.shapes.sphere(), vg.Box((8, 8, 8)), position=np.mgrid[:7, :7, :7].reshape(3, -1).T + 1.0)
+    with pytest.raises(InputError, match="repeats is 2: the box is not periodic along x"):
+        one.tiled(2)
+    assert one.tiled(1) == one
+    with pytest.raises(TooLargeError, match="343000000: these grains need at least"):
+        replace(one, container=vg.Box((8, 8, 8), periodic="xy")).tiled(1000)
 
 
 @pytest.mark.parametrize(

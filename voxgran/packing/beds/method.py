@@ -189,7 +189,8 @@ def _start(problem: Problem) -> tuple[Assembly, Floats]:
         n = m + int(np.searchsorted(volume, room, side="right"))
     total = float(problem.volumes[m:n].sum()) if m else float(volume[n - 1]) if n else 0.0
     fill = min(settings.fill, LOOSER * usual_solid_fraction(problem)) if n else settings.fill
-    top, room = column_top(container, up, total / fill, generator, base) if n else (0.0, container.volume)
+    layer = float(problem.diameter[m:n].max(initial=0.0))
+    top, room = column_top(container, up, total / fill, generator, base, layer=layer) if n else (0.0, container.volume)
     fill = max(fill, total / max(room, 1e-300))
     radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[m:n]
     seeds, radii = random_seeds(container, radii, up=up, top=top, generator=generator, base=base)

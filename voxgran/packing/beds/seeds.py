@@ -19,19 +19,26 @@ SAMPLES = 20_000
 HOPELESS = 20
 #: points that are tried for each seed at once, and the factor by which seeds without a place become smaller
 TRIES, SMALLER = 4, 0.8
+#: share of the height of a container below which a column is thin, so that points are drawn in it alone
+THIN = 0.02
 
 
 def column_top(
-    container: Container, up: Floats, volume: float, generator: np.random.Generator, base: float = -math.inf
-) -> tuple[float, float]:
+    container: Container, up: Floats, volume: float, generator: np.random.Generator, base: float = -math.inf,
+    *, layer: float = 0.0,
+) -> tuple[float, float]:  # fmt: skip
     """Return the level along `up` below which the container has a volume above the level `base`, and how much it has
     above it in all, both estimated to about one percent.
+
+    The level is at least the height `layer` of one layer of grains above the lowest one: few grains have a smaller
+    volume in a wide container.
     """
     level = points_inside(container, generator) @ up
     below = float((level < base).mean())
     share = min(below + volume / container.volume, 1.0)
     top = float(np.quantile(level, share)) if share < 1.0 else float(level.max())
-    return top, (1.0 - below) * container.volume
+    lowest, highest = container_levels(container, up)
+    return max(top, min(max(lowest, base) + layer, highest)), (1.0 - below) * container.volume
 
 
 def container_levels(container: Container, up: Floats) -> tuple[float, float]:
@@ -62,10 +69,13 @@ def random_seeds(
     lengths = np.array(container.bounds[1]) - lower
     cells, level = level_cells(lengths, periods_of(container), radii, container.dimension)
     spheres = np.column_stack([np.zeros((n, 3)), radii])
+    floor, ceiling = container_levels(container, up)
+    floor = max(floor, base)
+    span = _between(container, up, floor, top) if top - floor < THIN * (ceiling - floor) else None
     placed, smallest = 0, 1e-2 * float(radii.min(initial=1.0))
     while placed < n:
         stop_if_asked()
-        points = points_inside(container, generator, max(TRIES * n, SAMPLES))
+        points = points_inside(container, generator, max(TRIES * n, SAMPLES), span)
         room = -np.asarray(container.signed_distance(points))
         # as far from the top as from the floor, or else large grains would begin higher
         room = np.minimum(room, np.minimum(top - points @ up, points @ up - base))
@@ -99,15 +109,29 @@ def _place(spheres, level, order, placed, points, room, lower, cells):  # type: 
     return placed
 
 
-def points_inside(container: Container, generator: np.random.Generator, many: int = SAMPLES) -> Floats:
-    """Return random points (many, 3) in a container.
+def _between(container: Container, up: Floats, floor: float, top: float) -> tuple[Floats, Floats]:
+    """Return the corners of the bounding box of a container between two levels, where `up` is along an axis."""
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    axis = int(np.argmax(np.abs(up)))
+    if abs(up[axis]) == 1.0:
+        lower[axis], upper[axis] = sorted((floor * up[axis], top * up[axis]))
+    return lower, upper
+
+
+def points_inside(
+    container: Container,
+    generator: np.random.Generator,
+    many: int = SAMPLES,
+    bounds: tuple[Floats, Floats] | None = None,
+) -> Floats:  # fmt: skip
+    """Return random points (many, 3) in a container, within its bounds or others.
 
     Raises
     ------
     InputError
         If none of many points lies in it.
     """
-    lower, upper = container.bounds
+    lower, upper = container.bounds if bounds is None else bounds
     found, missing, tried = [], many, 0
     flat = np.arange(3) < container.dimension
     while missing > 0:

@@ -46,6 +46,15 @@ def test_seeds_without_room_become_smaller_and_then_are_refused():
         random_seeds(vg.Box((2, 2, 9)), np.full(30, 0.5), up=UP, top=0.001, generator=generator)
 
 
+@pytest.mark.parametrize("gravity", ["-z", "+x"])
+def test_few_grains_in_a_wide_container(gravity):
+    """A layer of them has room in the column, and points are drawn in it alone."""
+    packing = vg.pack(SPHERE, vg.Box((500, 400, 300)), "gravity", count=5, gravity=gravity)
+    assert packing.forces.share_at_rest == 1.0
+    low = packing.position[:, 2] if gravity == "-z" else 500 - packing.position[:, 0]
+    np.testing.assert_allclose(low, 0.5, atol=1e-3)
+
+
 def test_the_column_holds_the_volume():
     """A box to the share of its height, a sphere to the height of its cap."""
     generator = np.random.default_rng(2)
