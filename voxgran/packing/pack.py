@@ -34,7 +34,7 @@ from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, wit
 from voxgran.packing.problem import normalized_problem, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
-from voxgran.packing.start import asked_orientations, check_start, density_around, number_fixed, turns_asked
+from voxgran.packing.start import asked_orientations, check_start, density_around, number_fixed, told_of, turns_asked
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
@@ -278,8 +278,7 @@ def prepare_task(request: Request) -> Task:
     )
     asked = _asked(request, count, solid_fraction, listed, orientations)
     if start is not None:
-        told = {"method": "", **start.provenance}
-        asked["start"] = {"count": start.count} | {key: told[key] for key in ("method", "tiled") if key in told}
+        asked["start"] = told_of(start)
         grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:

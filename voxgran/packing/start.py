@@ -239,6 +239,12 @@ def _alike(packing: Any) -> dict[str, Any]:
     return dict(record) if np.abs(apart).max(initial=0.0) < SAME * packing.median_diameter else {}
 
 
+def told_of(start: Any) -> dict[str, Any]:
+    """Return what the provenance of a packing says of the packing that it begins with."""
+    told = {"method": "", **start.provenance, "count": start.count}
+    return {key: told[key] for key in ("count", "method", "tiled") if key in told}
+
+
 def standing_in(packing: Any) -> Any:
     """Return the packing of the fixed grains alone, also of a packing that :func:`around_fixed` returns; or None."""
     if packing.fixed is None:

@@ -196,11 +196,6 @@ def equilibrium(
             bed.find(gap, 0.0)
             keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
         found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
-        if found.undecided.any() and forces is not None and given["friction"] > 0.0:
-            # forces with which the grains came to rest may prove more, as of long grains, where searches are slow
-            keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
-            again = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
-            found = max(found, again, key=lambda one: int(one.rests.sum()))
     return _dataset(packing, bed, found, given)
 
 

@@ -28,7 +28,7 @@ RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
 EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
-#: steps after which grains of a bed with friction are parted that still overlap by more than that depth
+#: steps after which spheres of a bed with friction are parted that still overlap by more than that depth
 HELD = 24
 #: largest gap that contacts which bear forces have when a copy is examined, rounds of parting then, and how far
 #: grains move in one
@@ -138,13 +138,13 @@ class Examined(Resumable):
         return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
 
     def _part_wedged(self) -> None:
-        """Part grains that walls wedge: to open their contacts, a bed would have to rise against friction.
+        """Part spheres that walls wedge: to open their contacts, a bed would have to rise against friction.
 
         The forces for that grow exponentially with the depth in widths of the container (Janssen 1895), so that no
-        sweeps find them. Without friction grains are parted in a few rounds.
+        sweeps find them. Without friction spheres are parted in a few rounds; grains with edges would be wedged anew.
         """
         bed = self.bed
-        if self.progress.still_steps % HELD == 0 and float(bed.gap.min(initial=0.0)) < -SHALLOW:
+        if bed.spheres and self.progress.still_steps % HELD == 0 and float(bed.gap.min(initial=0.0)) < -SHALLOW:
             part_grains(bed, PARTED, ROUNDS)
 
     def _part_tightly(self) -> None:

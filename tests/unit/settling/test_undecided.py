@@ -1,7 +1,5 @@
 """Grains of which clusters are solved alone: against a search in the whole bed that goes on for very long."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -125,18 +123,9 @@ def test_the_proof_tells_what_it_did_not_decide(packing, monkeypatch):
     few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 64}
     monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
     found = vg.equilibrium(packing, friction=0.45)
-    assert least < found.attrs["share_undecided"] <= 1.0 - found.attrs["share_at_rest"] + 1e-12
+    assert least < found.attrs["share_undecided"] <= 1.0 - found.attrs["share_at_rest"]
     # where most grains slip, those that do so by more than the error are decided
     few["iterations"] = 1000
     slips = vg.equilibrium(packing, friction=0.1)
     assert slips.attrs["share_at_rest"] < 0.1
     assert slips.attrs["share_undecided"] < 0.5
-
-
-def test_forces_that_a_bed_keeps_prove_what_a_short_search_leaves_open(packing, monkeypatch):
-    few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 8}
-    monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
-    monkeypatch.setattr(equilibrium, "GUESS", 20)
-    shares = [vg.equilibrium(bed).attrs["share_at_rest"] for bed in (replace(packing, forces=None), packing)]
-    assert shares[0] < 0.9 < shares[1]
-    assert shares[1] == pytest.approx(packing.provenance["settling"]["resting"], abs=1 / 300)
