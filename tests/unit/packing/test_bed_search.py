@@ -130,6 +130,7 @@ def test_any_packing_settles_to_a_solid_fraction_and_a_walk_does_after_it():
     assert within.provenance["settling"] == after.provenance["settling"]
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_after_any_step_to_the_same_bits():
     loose = vg.pack(SPHERE, SMALL, "rsa", count=30, seed=2)
     loose = vg.Packing.of(loose.shapes, SMALL, position=loose.position, gravity="-z")

@@ -157,6 +157,7 @@ def test_labels_of_few_voxels_do_not_say_what_the_others_are():
     assert without(labels_of(*[speck] * 10)) is not None
 
 
+@pytest.mark.slow
 def test_another_sample_is_of_the_kind_that_was_found(monkeypatch):
     """A twin is compared with other labels by `compared_with`, which chose for themselves."""
     found = sample_of_labels([vg.make_shape("ellipsoid", semi_axes=(0.5, 0.5, 0.5))], COARSE)

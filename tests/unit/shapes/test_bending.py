@@ -63,6 +63,7 @@ def test_energies_are_those_of_strains_and_of_angles():
             assert flat @ matrix @ flat == pytest.approx(0.0, abs=1e-12 * np.abs(matrix).max())
 
 
+@pytest.mark.slow
 def test_bars_that_bend_stay_round_and_stretched_ones_do_not():
     bending = vg.learn_shapes(GRAINS, method="bend")
     # in standard deviations of the sample

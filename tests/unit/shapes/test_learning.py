@@ -324,6 +324,7 @@ def scan(count: int, seed: int, size: int = 64) -> tuple[np.ndarray, np.ndarray]
     return image, radii
 
 
+@pytest.mark.slow
 def test_grains_that_the_border_cuts_are_weighted():
     # half of the spheres are large; of the whole ones within the image fewer are
     packing = vg.packing_of_labels(scan(70, 1)[0], voxel_size=1.0, gravity="none")

@@ -71,6 +71,7 @@ def test_pictures_are_read_with_y_upward(tmp_path):
     assert np.allclose(np.sort(one.vertices, axis=0), np.sort(other.vertices, axis=0))
 
 
+@pytest.mark.slow
 def test_outlines_pack_without_overlap():
     shapes = vg.load_outlines(
         np.concatenate([disk_picture((30, 30), (15, 15), 9), disk_picture((30, 30), (15, 15), 6)])
