@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.shapes.describing.thumbnail import picture, surface_samples
+from voxgran.shapes.describing.thumbnail import VIEW, _in_front, picture, surface_samples
 
 
 def picture_of(packing):
@@ -68,3 +68,15 @@ def test_no_renderer_is_loaded():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_grains_behind_others_are_left_out(monkeypatch):
+    """The picture stays the same, and of a deep packing few grains are drawn."""
+    position = np.mgrid[:11, :11, :11].reshape(3, -1).T + 0.5
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((11, 11, 11)), position=position)
+    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.MAX_TRIANGLES", 100_000)
+    some = picture_of(packing).astype(float)
+    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.FEW", 2000)
+    assert np.abs(some - picture_of(packing)).mean() < 1.0
+    front = _in_front(position @ VIEW.T, 1.0)
+    assert 0.1 * packing.count < len(front) < 0.5 * packing.count

@@ -29,6 +29,9 @@ LIGHT = np.array([-0.41, 0.61, 0.68])
 RAMP = np.array([[0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.93, 0.85, 0.25]])
 #: triangles up to which grains are drawn with their own surfaces; more are drawn as icosahedra
 MAX_TRIANGLES = 1_500_000
+#: how many grains, one behind the other, are drawn in a column that is as wide as half of them, and grains up to which
+#: all are drawn
+DEEP, FEW = 3, 1000
 
 
 def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
@@ -53,9 +56,12 @@ def picture(
     """Draw placed bodies, coloured by size, as a picture (160, 160, 4) of red, green, blue and opacity.
 
     Each of the grains (at least one) has a `body`, a rotation times scale, a centroid and a diameter; `bodies` are the
-    triangles (m, 3, 3) of each different body. Many grains are drawn as icosahedra. If `flat` is true, all lies in the
-    plane z = 0.
+    triangles (m, 3, 3) of each different body. Of many grains, those in front are drawn, as icosahedra where they have
+    too many triangles. If `flat` is true, all lies in the plane z = 0.
     """
+    if len(body) > FEW and not flat:
+        front = _in_front(position @ VIEW.T, float(np.median(size)))
+        body, matrices, position, size = body[front], matrices[front], position[front], size[front]
     if np.bincount(body) @ [len(triangles) for triangles in bodies[: int(body.max()) + 1]] > MAX_TRIANGLES:
         bodies, body, matrices = [_icosahedron()], np.zeros(len(body), int), size[:, None, None] * np.eye(3)
     spacing = float(np.ptp(position, axis=0).max() + size.max()) / (FINE * EDGE)
@@ -72,6 +78,15 @@ def picture(
         normals.append(turned.reshape(-1, 3))
         owner.append(np.repeat(members, len(samples)))
     return _drawn(np.concatenate(points), np.concatenate(normals), colors[np.concatenate(owner)], flat=flat)
+
+
+def _in_front(seen: Floats, width: float) -> Integers:
+    """Return which of points (n, 3), seen along the last axis, are among the nearest in their columns of a width."""
+    column = np.floor((seen[:, :2] - seen[:, :2].min(axis=0)) / width).astype(np.int64)
+    number = column @ [int(column[:, 1].max()) + 1, 1]
+    order = np.lexsort((-seen[:, 2], number))
+    first = np.searchsorted(number[order], number[order])
+    return np.asarray(np.sort(order[np.arange(len(order)) - first < DEEP]))
 
 
 def portrait(triangles: Floats, radius: float, *, flat: bool = False) -> Image:
