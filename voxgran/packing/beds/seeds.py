@@ -24,9 +24,14 @@ THIN = 0.02
 
 
 def column_top(
-    container: Container, up: Floats, volume: float, generator: np.random.Generator, base: float = -math.inf,
-    *, layer: float = 0.0,
-) -> tuple[float, float]:  # fmt: skip
+    container: Container,
+    up: Floats,
+    volume: float,
+    generator: np.random.Generator,
+    base: float = -math.inf,
+    *,
+    layer: float = 0.0,
+) -> tuple[float, float]:
     """Return the level along `up` below which the container has a volume above the level `base`, and how much it has
     above it in all, both estimated to about one percent.
 
@@ -123,7 +128,7 @@ def points_inside(
     generator: np.random.Generator,
     many: int = SAMPLES,
     bounds: tuple[Floats, Floats] | None = None,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """Return random points (many, 3) in a container, within its bounds or others.
 
     Raises
