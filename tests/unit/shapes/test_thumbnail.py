@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.shapes.describing.thumbnail import VIEW, _in_front, picture, surface_samples
+from voxgran.shapes.describing.thumbnail import DENSITY, VIEW, _in_front, picture, surface_samples
+from voxgran.shapes.tessellate import sphere
 
 
 def picture_of(packing):
@@ -48,17 +49,25 @@ def test_light_comes_from_above():
     assert image[30:50, 70:90, :3].mean() > 1.2 * image[115:135, 70:90, :3].mean()
 
 
-def test_many_grains_are_icosahedra_of_their_size(monkeypatch):
-    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.MAX_TRIANGLES", 100_000)
-    position = np.random.Generator(np.random.Philox(1)).uniform(0, 40, (1000, 3))
-    shape = vg.make_shape("cone")
-    few = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=position[:50])
-    many = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=position)
-    assert len(shape.faces) * many.count > 100_000
-    for packing in (few, many):
-        image = picture_of(packing)
-        assert 0.02 < (image[..., 3] > 0).mean() < 0.95
-        assert len(np.unique(image[..., :3])) > 20
+@pytest.mark.parametrize("level", [2, 5])
+def test_a_surface_has_as_many_points_whatever_its_triangles(level):
+    vertices, faces, _ = sphere(level)
+    points, normals = surface_samples(vertices[faces], 0.05)
+    assert len(points) == pytest.approx(DENSITY * 4 * math.pi / 0.05**2, rel=0.05)
+    assert points.mean(axis=0) == pytest.approx(np.zeros(3), abs=0.01)
+    assert ((points * normals).sum(axis=1) > 0.9).all()
+
+
+def test_small_grains_have_fewer_points_than_large_ones(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        "voxgran.shapes.describing.thumbnail._drawn", lambda points, *_, **__: drawn.append(len(points))
+    )
+    for scale in (1.0, 0.1):
+        poses = {"position": [(2, 2, 2), (6, 6, 6)], "scale": [4.0, 4.0 * scale]}
+        picture_of(vg.Packing.of(vg.make_shape("sphere"), vg.Box((9, 9, 9)), **poses))
+    large, small = drawn
+    assert small < 0.6 * large
 
 
 def test_no_renderer_is_loaded():
@@ -72,11 +81,11 @@ def test_no_renderer_is_loaded():
 
 def test_grains_behind_others_are_left_out(monkeypatch):
     """The picture stays the same, and of a deep packing few grains are drawn."""
-    position = np.mgrid[:11, :11, :11].reshape(3, -1).T + 0.5
-    packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((11, 11, 11)), position=position)
-    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.MAX_TRIANGLES", 100_000)
+    position = np.mgrid[:8, :8, :8].reshape(3, -1).T + 0.5
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((8, 8, 8)), position=position)
+    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.DENSITY", 2.0)
     some = picture_of(packing).astype(float)
     monkeypatch.setattr("voxgran.shapes.describing.thumbnail.FEW", 2000)
     assert np.abs(some - picture_of(packing)).mean() < 1.0
     front = _in_front(position @ VIEW.T, 1.0)
-    assert 0.1 * packing.count < len(front) < 0.5 * packing.count
+    assert 0.1 * packing.count < len(front) < 0.6 * packing.count

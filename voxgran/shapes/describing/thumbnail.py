@@ -27,21 +27,22 @@ VIEW = np.array([[0.877, 0.481, 0.0], [-0.187, 0.341, 0.921], [0.443, -0.808, 0.
 LIGHT = np.array([-0.41, 0.61, 0.68])
 #: dark, middle and light end of the colours, small to large
 RAMP = np.array([[0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.93, 0.85, 0.25]])
-#: triangles up to which grains are drawn with their own surfaces; more are drawn as icosahedra
-MAX_TRIANGLES = 1_500_000
 #: how many grains, one behind the other, are drawn in a column that is as wide as half of them, and grains up to which
 #: all are drawn
-DEEP, FEW = 3, 1000
+DEEP, FEW = 3, 100
 
 
 def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
-    """Return points (n, 3) on triangles (m, 3, 3), at most about a spacing apart, and their normals."""
+    """Return points (n, 3) on triangles (m, 3, 3), at most about a spacing apart, and their normals.
+
+    Of triangles that are smaller than a point's share of the surface, as many have a point as is their share.
+    """
     a, b, c = np.moveaxis(triangles, 1, 0)
     normal = np.cross(b - a, c - a)
     twice = np.linalg.norm(normal, axis=1)
-    count = 1 + np.ceil(DENSITY * twice / (2 * spacing**2)).astype(np.int64)
-    owner = np.repeat(np.arange(len(triangles)), count)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    ends = np.ceil(np.cumsum(DENSITY * twice / (2 * spacing**2))).astype(np.int64)
+    owner = np.repeat(np.arange(len(triangles)), np.diff(ends, prepend=0))
+    number = np.arange(len(owner))
     # the sequence of the plastic number fills a square evenly; folded it fills a triangle
     u, v = np.modf(0.5 + number * 0.7548776662466927)[0], np.modf(0.5 + number * 0.5698402909980532)[0]
     over = u + v > 1
@@ -56,26 +57,26 @@ def picture(
     """Draw placed bodies, coloured by size, as a picture (160, 160, 4) of red, green, blue and opacity.
 
     Each of the grains (at least one) has a `body`, a rotation times scale, a centroid and a diameter; `bodies` are the
-    triangles (m, 3, 3) of each different body. Of many grains, those in front are drawn, as icosahedra where they have
-    too many triangles. If `flat` is true, all lies in the plane z = 0.
+    triangles (m, 3, 3) of each different body. Of many grains, those in front are drawn. If `flat` is true, all lies in
+    the plane z = 0.
     """
     if len(body) > FEW and not flat:
         front = _in_front(position @ VIEW.T, float(np.median(size)))
         body, matrices, position, size = body[front], matrices[front], position[front], size[front]
-    if np.bincount(body) @ [len(triangles) for triangles in bodies[: int(body.max()) + 1]] > MAX_TRIANGLES:
-        bodies, body, matrices = [_icosahedron()], np.zeros(len(body), int), size[:, None, None] * np.eye(3)
     spacing = float(np.ptp(position, axis=0).max() + size.max()) / (FINE * EDGE)
     share = (size - size.min()) / np.ptp(size) if np.ptp(size) else np.full(len(size), 0.5)
     colors = np.column_stack([np.interp(share, (0.0, 0.5, 1.0), ramp) for ramp in RAMP.T])
     points, normals, owner = [], [], []
-    for index in np.unique(body):
-        members = np.flatnonzero(body == index)
-        factor = np.cbrt(np.abs(np.linalg.det(matrices[members])))
-        samples, outward = surface_samples(bodies[index], spacing / float(factor.max()))
-        placed = np.einsum("gij,pj->gpi", matrices[members], samples) + position[members, None]
+    factor = np.cbrt(np.abs(np.linalg.det(matrices)))
+    # grains of about one size share their samples, so that small ones do not have those of the largest
+    octave = np.floor(np.log2(factor)).astype(np.int64)
+    for index, level in np.unique(np.column_stack([body, octave]), axis=0).tolist():
+        members = np.flatnonzero((body == index) & (octave == level))
+        samples, outward = surface_samples(bodies[index], spacing / float(factor[members].max()))
+        turn = np.swapaxes(matrices[members], 1, 2)
+        placed = samples @ turn + position[members, None]
         points.append(placed.reshape(-1, 3))
-        turned = np.einsum("gij,pj->gpi", matrices[members] / factor[:, None, None], outward)
-        normals.append(turned.reshape(-1, 3))
+        normals.append((outward @ (turn / factor[members, None, None])).reshape(-1, 3))
         owner.append(np.repeat(members, len(samples)))
     return _drawn(np.concatenate(points), np.concatenate(normals), colors[np.concatenate(owner)], flat=flat)
 
@@ -93,18 +94,6 @@ def portrait(triangles: Floats, radius: float, *, flat: bool = False) -> Image:
     """Draw one body, the triangles (m, 3, 3) of which lie within a radius of the origin."""
     size = np.array([2 * radius])
     return picture([triangles], np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), size, flat=flat)
-
-
-def _icosahedron() -> Floats:
-    """Return the triangles of a regular icosahedron of diameter 1, (20, 3, 3)."""
-    golden = (1 + np.sqrt(5)) / 2
-    corners = np.array([np.roll((0.0, a, b * golden), k) for k in range(3) for a in (-1, 1) for b in (-1, 1)])
-    near = np.linalg.norm(corners[:, None] - corners, axis=2) < 2.1
-    i, j, k = np.array(
-        [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] & near[j, k] & near[i, k]]
-    ).T
-    triangles = corners[np.column_stack([i, j, k])] / (2 * np.linalg.norm(corners[0]))
-    return np.asarray(triangles, dtype=np.float64)
 
 
 def _drawn(points: Floats, normals: Floats, colors: Floats, *, flat: bool) -> Image:
