@@ -93,6 +93,7 @@ def test_scan_to_packing(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "scan_to_packing.png").exists()
 
 
+@pytest.mark.slow
 def test_directions(tmp_path, capsys, monkeypatch):
     text = printed("directions.py", capsys, monkeypatch, str(tmp_path), "80")
     one_step = dict(re.findall(r"(2D 8|3D 26|2D any|3D any) direction\S*\s+fourth moment: 1 step ([\d.]+)", text))
@@ -322,6 +323,7 @@ def test_shapes_harmonics(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "shapes_harmonics.png").exists()
 
 
+@pytest.mark.slow
 def test_shapes_polyhedra(tmp_path, capsys, monkeypatch):
     text = printed("shapes_polyhedra.py", capsys, monkeypatch, str(tmp_path))
     errors = [float(value) for value in re.findall(r"error of the volume (\S+)", text)]

@@ -79,6 +79,7 @@ def torus(center, turn):
     return points, faces, height
 
 
+@pytest.mark.slow
 def test_tori_in_all_poses_along_the_lattice():
     for turn in lattice_rotations():
         for center in (np.full(3, 16.5), np.array([16.0, 16.5, 16.0])):

@@ -69,6 +69,7 @@ def peak_of(work):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the mesh has")
 def test_what_stands_beside_the_bytes_a_voxel(inputs):
     """The third column of the page."""

@@ -659,6 +659,7 @@ def saved(path, *, seed):
     return str(path)
 
 
+@pytest.mark.slow
 def test_folders_of_runs_are_compared(tmp_path, capsys):
     for seed in range(3):
         saved(tmp_path / "loose" / f"seed_{seed}" / "packing.vtp", seed=seed)

@@ -89,6 +89,7 @@ def test_the_target_of_a_biased_method_is_its_volume(eros):
     assert -0.12 <= clump.errors.volume < 0.0
 
 
+@pytest.mark.slow
 def test_a_target_of_the_volume_is_measured_before_volumes_are_matched(eros):
     # matched, one sphere has the volume of any solid
     clump = fit_clump(eros, target="volume", value=0.05)
@@ -106,6 +107,7 @@ def test_an_unreachable_target_says_what_was_reached(eros):
         fit_clump(eros, target="iou", value=0.99, max_spheres=4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("resolution", "loss"), [(32, 0.015), slow(64, 0.005)])
 def test_voxels_give_nearly_the_clump_of_the_mesh(eros, fifty, resolution, loss):
     voxels = voxelize(eros, voxel_size=eros.diameter / resolution)
@@ -201,6 +203,7 @@ def test_centers_stay_inside_thin_solids(shape):
         fit_clump(shape, overlap=False, uniform=True, min_radius=0.1, max_spheres=5)
 
 
+@pytest.mark.slow
 def test_a_long_rod_is_judged_on_a_coarser_lattice():
     errors = fit_clump(vg.make_shape("box", aspect=(1, 1, 300)), max_spheres=5).errors
     assert 0.0 < errors.iou < 0.5

@@ -43,6 +43,7 @@ def test_error_falls_with_the_number_of_spheres_on_a_cube(cube, count, least):
     assert errors.inertia < 0.01
 
 
+@pytest.mark.slow
 def test_an_ellipsoid_needs_few_spheres():
     body = vg.make_shape("ellipsoid", semi_axes=(0.75, 0.5, 0.4))
     few, more = (fit_clump(body, max_spheres=count).errors.iou for count in (4, 20))
@@ -50,6 +51,7 @@ def test_an_ellipsoid_needs_few_spheres():
     assert more > 0.97
 
 
+@pytest.mark.slow
 def test_centers_lie_inside_and_no_sphere_is_tiny(eros):
     clump = fit_clump(eros, max_spheres=50)
     assert (eros.signed_distance(clump.centers) < 0).all()

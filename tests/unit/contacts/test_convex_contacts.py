@@ -528,6 +528,7 @@ def test_pairs_of_other_kinds_are_left_alone():
     assert (bed.pairs.first[0], bed.pairs.count[0]) == (0, 0)
 
 
+@pytest.mark.slow
 def test_large_hulls_are_searched_along_their_edges():
     generator = np.random.default_rng(13)
     vertices, faces, _ = sphere(3)

@@ -74,6 +74,7 @@ def random_pairs(count, seed, spread):
         yield Assembly.of(shapes, ROOM, position=place, shape_id=[0, 1], orientation=turns[2 * k : 2 * k + 2])
 
 
+@pytest.mark.slow
 def test_what_crosses_is_found_as_numpy_and_vtk_find_it():
     found = []
     for assembly in random_pairs(100, seed=1, spread=1.2):

@@ -91,6 +91,7 @@ def test_triangles_with_a_common_corner(corners, expected):
         )
 
 
+@pytest.mark.slow
 def test_what_is_proven_has_no_common_volume():
     draw, found, clear = stream(0, "shared"), 0, 0
     for _ in range(600):

@@ -111,6 +111,7 @@ def test_a_front_that_begins_anywhere_in_a_narrow_box_takes_the_lowest_place():
     assert narrow.gravity == (0.0, 0.0, -1.0)
 
 
+@pytest.mark.slow
 def test_a_bed_measures_the_same_however_gravity_was_told():
     """200 spheres by control_point: the free surface stands at half the height."""
     found = [

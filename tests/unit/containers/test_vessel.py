@@ -62,6 +62,7 @@ def test_an_hourglass_is_one_space_of_two_chambers_unless_a_lid_parts_them():
     assert upper.volume == pytest.approx(frustum(0.4, 1.6, 3), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_beds_rest_in_an_hourglass_and_its_wall_is_told_from_it(tmp_path):
     glass = turned(HOURGLASS)
     vg.save_shape(glass, tmp_path / "glass.stl")

@@ -60,6 +60,7 @@ def test_faces_of_voxels_are_those_of_the_whole_image(labels, monkeypatch):
         assert np.array_equal(one.vertices, other.vertices)
 
 
+@pytest.mark.slow
 def test_smooth_surfaces_have_the_same_triangles_and_volumes_and_share_them(labels, monkeypatch):
     whole, grouped = in_groups(labels, monkeypatch)
     assert grouped.provenance["labels"] == whole.provenance["labels"]

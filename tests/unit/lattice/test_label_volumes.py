@@ -91,6 +91,7 @@ def test_crossings_are_found_where_the_surfaces_cross(shaken, reach):
     assert found.wrong.any() == (count > 0) == (reach > 0.2)
 
 
+@pytest.mark.slow
 def test_pairs_of_many_labels_are_all_told():
     image = np.arange(1, 6**3 + 1, dtype=np.int32).reshape(6, 6, 6)
     net = net_of(image, tiles_of(image, image.max(), np.zeros(3, dtype=bool)))

@@ -169,6 +169,7 @@ def bed():
     )
 
 
+@pytest.mark.slow
 def test_the_grains_of_an_anisotropic_image_are_those_of_the_cubic_one(bed):
     cubes = vg.to_image(bed, 0.06, labels=False)[:, :, :82].astype(float)
     # every second slice

@@ -124,6 +124,7 @@ def test_stated_errors_are_the_scatter_over_seeds(kind):
     assert 0.5 < size[:, 0].std(ddof=1) / size[:, 1].mean() < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", [slow((True, True)), (True, False), slow((False, False))])
 def test_the_covariance_of_deviations_is_that_of_drawn_fields(periodic):
     """Cells with normal values, some of them smoothed, whose variance is above 0 at all sizes."""
@@ -265,6 +266,7 @@ def test_the_fit():
     assert math.isnan(_fit(np.zeros(5), volume, np.ones(5), 0.0, 0.5)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-50, slow(1e50)])
 def test_tiny_and_huge_lengths(scale):
     for container in (Box((8, 9, 10)), Box((8, 9, 10), periodic="xyz"), Cylinder(4, 9), Rectangle((8, 9))):

@@ -106,6 +106,7 @@ def test_more_sizes_than_classes():
     assert found.distance[0] == pytest.approx(exact.statistic * 7 / 8, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_mean():
     generator = stream(6, "means")
     sizes = 0.5 + generator.random(160)

@@ -129,6 +129,7 @@ def test_a_solid_fraction_is_met_by_the_friction():
     assert found.verify().ok
 
 
+@pytest.mark.slow
 def test_a_height_is_met_by_the_friction():
     slab = loose_grains(container=vg.Box((4, 4, 12), periodic="xy"), count=80)
     specimen = vg.compress(slab, axes="z", height=4.96)

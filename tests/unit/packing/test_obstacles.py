@@ -92,6 +92,7 @@ def test_a_bed_settles_on_a_bar_and_rests_by_the_proof(shape):
     assert on_bar + on_floor + on_walls == pytest.approx(-60.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_cubes_around_an_obstacle_are_not_parted_again_and_again():
     """What parts wedged spheres wedged cubes anew: 0.52 of these rested after 1,711 steps."""
     cell = vg.Box((6, 6, 8))
@@ -139,6 +140,7 @@ def test_obstacles_may_stand_alone():
         assert int(alone.measure("density")["count"]) == 0
 
 
+@pytest.mark.slow
 def test_disks_and_periodic_images():
     obstacle = vg.Packing.of(vg.shapes.disk(diameter=2.0), FLAT, position=[(4, 3, 0)])
     bed = vg.pack(DISK, FLAT, "gravity", count=30, obstacles=obstacle)

@@ -386,6 +386,7 @@ def test_each_call_with_a_short_time_limit_makes_a_step(tmp_path):
     assert steps == [1, 2, 3, 4]
 
 
+@pytest.mark.slow
 def test_a_deep_column_between_walls_is_not_wedged():
     """Growing spheres press against walls, whose friction holds the overlaps: it took 817 steps and a second fall."""
     column = vg.pack(SPHERE, vg.Box((4, 4, 33)), "gravity", count=420, seed=1)

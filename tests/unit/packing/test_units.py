@@ -194,6 +194,7 @@ def test_sizes_of_another_unit_than_the_container_are_suspected():
     thrown(BALL, vg.Box((1, 1, 1)), count=3000, sizes=vg.sizes.fixed(1e-3))
 
 
+@pytest.mark.slow
 def test_two_grains_that_meet_are_brought_to_one_unit():
     ways = [
         Encounter(cube(1.0, unit), cube(edge, other), spacing=0.3).first_contact((1, 0, 0))[0]

@@ -111,6 +111,7 @@ def test_rods_join_the_centroids_of_grains_that_touch():
     assert np.ptp(np.reshape(rods.bounds, (3, 2))[1:], axis=1) == pytest.approx(2 * ROD, rel=0.06)
 
 
+@pytest.mark.slow
 def test_a_page_shows_the_chains(pair, tmp_path):
     packing = column(6)
     save_report(packing, tmp_path / "p.html", statistics=vg.measure(packing), pictures_folder=tmp_path / "pictures")

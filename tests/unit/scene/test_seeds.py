@@ -64,6 +64,7 @@ def test_each_seed_is_the_packing_that_it_is_alone(scene, tmp_path):
     assert tree["solid_fraction"].values.tolist() == whole
 
 
+@pytest.mark.slow
 def test_a_resume_keeps_what_is_complete(scene, tmp_path):
     scene.run(tmp_path / "out")
     stamp = (tmp_path / "out" / "seed_5" / "packing.vtp").stat().st_mtime_ns
@@ -109,6 +110,7 @@ def test_bad_numbers_are_refused(tmp_path, old, new, words):
         vg.Scene.from_toml(path)
 
 
+@pytest.mark.slow
 def test_the_packings_of_a_run_are_those_of_its_seeds(scene, tmp_path):
     scene.run(tmp_path / "out")
     found = packings_of_run(tmp_path / "out")

@@ -51,7 +51,7 @@ def test_labels_of_smooth_grains_are_these_again(semi_axes, kind):
     assert [shape.volume for shape in smooth] == pytest.approx(volumes, rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["box", "convex_polyhedron"])
+@pytest.mark.parametrize("kind", ["box", slow("convex_polyhedron")])
 def test_labels_of_convex_grains_are_convex_with_few_faces(kind):
     """The sphericity of labels, of polyhedra 0.02 too low by their steps, is right within 0.01, and so are volumes."""
     shapes = [vg.make_shape(kind)] if kind == "box" else vg.make_shapes(kind, count=12, seed=2)
@@ -76,6 +76,7 @@ def test_labels_of_grains_that_are_not_convex_stay_meshes():
     assert len(resolved(found, 200).shapes) == len(found.shapes)
 
 
+@pytest.mark.slow
 def test_curved_convex_grains_keep_their_triangles():
     """With as few triangles as flat faces need, superquadrics had a sphericity 0.025 too low."""
     shapes = vg.make_shapes("superquadric", count=3, seed=2)
@@ -85,6 +86,7 @@ def test_curved_convex_grains_keep_their_triangles():
     assert np.mean([len(one.faces) for one in made]) >= 64
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [slow("sphere"), "convex_polyhedron"])
 def test_few_grains_that_are_quite_another_stay_as_they_are(kind):
     """A ring among eleven others is neither a sphere nor a hull; two of twelve are too many."""
@@ -170,6 +172,7 @@ def test_another_sample_is_of_the_kind_that_was_found(monkeypatch):
     assert resolved(sample_of(whole, 0.6), 200, "sphere").kind is None
 
 
+@pytest.mark.slow
 def test_learning_from_labels_leaves_the_steps_out():
     """Only twins had done so: polyhedra that were drawn had thousands of triangles, and were not convex."""
     scan = sample_of_labels(vg.make_shapes("convex_polyhedron", count=12, seed=2), COARSE).packing

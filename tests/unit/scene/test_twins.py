@@ -178,7 +178,7 @@ def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_
 @pytest.mark.parametrize(
     ("edges", "voxel_size", "measure"),
     [
-        ((0.06, 0.06, 0.18), None, "coordination_number"),
+        slow((0.06, 0.06, 0.18), None, "coordination_number"),
         slow((0.08,) * 3, 0.11, "coordination_number"),
         ((0.08,) * 3, None, "contact_area"),
     ],
@@ -243,6 +243,7 @@ def test_a_difference_is_told_in_units_of_the_scatter(spheres):
     assert float(data["ratio"].sel(measure="tortuosity")) < -EQUAL
 
 
+@pytest.mark.slow
 def test_a_model_that_is_given_has_the_resolution_of_the_sample():
     sample = [vg.shapes.ellipsoid(aspect=(1.5, 1, 1 - k / 40)) for k in range(10)]
     meshes = [vg.Shape.from_mesh(shape.vertices, shape.faces) for shape in sample]

@@ -36,6 +36,7 @@ def least_gaps(bed):
     return {(bed.pairs.i[p], bed.pairs.j[p]): bed.gap[bed.pairs.first[p] :][: bed.pairs.count[p]].min() for p in many}
 
 
+@pytest.mark.slow
 def test_ways_of_pairs_bound_how_far_surfaces_move_relative_to_each_other(assembly):
     bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(4))
     bed.find(MARGIN, REST)

@@ -231,6 +231,7 @@ def test_forces_of_a_bed_with_fewer_grains_than_asked_for_are_in_weights_of_its_
     assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] == 1.0
 
 
+@pytest.mark.slow
 def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
     # large forces at contacts that are linearized turned one ellipsoid by as much to each side, for thousands of steps
     bed = vg.pack(
@@ -247,6 +248,7 @@ def test_spheres_in_a_cylinder_of_their_radius_rest_without_overlap():
     assert bed.provenance["settling"]["steps"] < 700
 
 
+@pytest.mark.slow
 def test_cubes_that_the_fall_wedged_between_walls_come_free():
     # five cubes side by side are wider than the box: the fall ends with a row that overlaps by a hundredth
     bed = vg.pack(vg.make_shape("box"), vg.Box((4, 4, 14)), "gravity", count=40, friction=0.0, seed=1)

@@ -120,6 +120,7 @@ def test_rocks_have_sunk_by_what_grids_miss_when_exact_contacts_are_found_first(
     assert np.median(gaps) < 2e-3
 
 
+@pytest.mark.slow
 def test_a_small_bed_that_is_wedged_comes_free():
     """Squares grow in the neck of a funnel and jam across it: forces that gravity does not need hold them there."""
     neck = vg.Polygon([(2, 0), (3, 0), (3, 1), (5, 2.5), (5, 5), (0, 5), (0, 2.5), (2, 1)])

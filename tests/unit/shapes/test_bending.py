@@ -78,6 +78,7 @@ def test_bars_that_bend_stay_round_and_stretched_ones_do_not():
         assert np.sqrt(corners @ area / area.sum()) == pytest.approx(0.05 * donor.diameter, rel=0.15)
 
 
+@pytest.mark.slow
 def test_round_bars_bend_and_other_grains_are_warped():
     model = vg.learn_shapes(GRAINS)
     assert repr(model) == "ShapeModel('bend', grains=12, strength=0.05)"

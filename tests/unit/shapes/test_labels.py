@@ -403,6 +403,7 @@ def test_small_grains_of_a_wide_distribution_are_no_specks():
         vg.load_labels(image_of_cubes([1] * 8 + [6] * 12), voxel_size=0.1)
 
 
+@pytest.mark.slow
 def test_the_gap_of_long_voxels_is_that_of_cubes_of_their_volume():
     """Open pairs add 0.2 to the coordination number, as in cubes of that volume; by the longest edge they added 1.9."""
     shape, box = vg.shapes.ellipsoid(aspect=(1.5, 1.2, 1)), vg.Box((2.85,) * 3, "xyz")

@@ -160,6 +160,7 @@ def test_weights_of_donors_make_up_for_the_mean_change():
     assert balanced(given, weights, given - [0.0, 50.0], donors).max() < 0.2
 
 
+@pytest.mark.slow
 def test_rounded_grains_stay_as_round_as_those_of_the_sample():
     # shears alone make bumps sharper: by half the standard deviation of roundness at this strength
     model = vg.learn_shapes(vg.make_shapes("mollon_zhao", count=24, subdivisions=3), strength=0.05)
@@ -393,7 +394,8 @@ def test_the_error_of_the_sample_is_that_of_its_weights():
 NUMBERS = ["energy_distance", "sample_error", "novelty"]
 
 
-@pytest.mark.parametrize("case", ["voronoi_fragment", pytest.param("rings_with_rods", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["voronoi_fragment", "rings_with_rods"])
 def test_drawn_grains_are_as_near_to_others_as_the_sample_is(case):
     # one sample of 40 scatters: means over three
     models = [vg.learn_shapes(twins.CASES[case](40, seed), strength=0.05) for seed in (5, 6, 7)]
@@ -411,6 +413,7 @@ def test_drawn_grains_are_as_near_to_others_as_the_sample_is(case):
         refuse_dirty(grain.vertices, grain.faces, grain.name)
 
 
+@pytest.mark.slow
 def test_the_strength_is_chosen_within_its_range():
     model = vg.learn_shapes(POLYHEDRA[:40])
     assert 0.02 <= model.strength <= 0.12

@@ -56,6 +56,7 @@ def test_roughness_vanishes_at_the_right_rate():
     assert np.divide(changes[:-1], changes[1:]) == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_volume_of_a_rough_sphere():
     """The mean volume is 4/3 pi R^3 (1 + 3 s^2 / R^2). Heights of mean 0 and given variance meet it one by one but for
     their third moment, and meshes with the square of their edges, in correlation lengths.
@@ -198,6 +199,7 @@ def test_many_rough_grains_are_one_clean_solid(family):
     assert refused <= (15 if family == "solid_union" else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spacing", [slow(0.15), 0.3])
 def test_an_assembly_of_spheres_takes_a_skin(spacing):
     """Its necks are narrower than the triangles: points that are put on the spheres would pass each other."""

@@ -85,6 +85,7 @@ def test_many_assemblies_are_one_piece():
             assert diagnose(shape).ok, seed
 
 
+@pytest.mark.slow
 def test_number_of_spheres_is_binomial():
     """Points of a lattice in a box of volume V: V / spacing**3 in the mean; each gets a sphere with its probability."""
     shapes, options = 60, {"base": BOX, "spacing": 0.22, "radii": 0.55, "overlap": 0.0}

@@ -60,6 +60,7 @@ def test_cells_hold_what_is_nearest_to_their_seeds(boundary):
         assert (cell.signed_distance(mine - shift - cell.offset) < 1e-12).all()
 
 
+@pytest.mark.slow
 def test_cells_of_random_seeds_have_the_moments_of_poisson_voronoi_cells():
     # 48 pi^2 / 35 + 2 faces on average (Meijering 1953), and the variance 0.179 of the volume (Gilbert 1962,
     # doi:10.1214/aoms/1177704464), as Okabe et al. 2000 give them

@@ -380,6 +380,7 @@ def test_values_that_differ_in_one_cell_alone_are_an_axis():
     assert [cell.values["shape.0.density"] for cell in made.cells()] == [1, 1, 3, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the bulk holds", "ignore:in 4 of 4 cells")
 @pytest.mark.usefixtures("forked_workers")
 def test_layers_and_obstacles_are_varied_and_packed_as_in_single_scenes(tmp_path, monkeypatch):

@@ -132,6 +132,7 @@ def test_the_bootstrap_is_taken_of_many_values_and_depends_on_those_of_the_cell_
     assert confidence_limits([few], 0.95, "auto") == confidence_limits([few], 0.95, "student")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "samples", "least", "most"), [slow(5, 2000, 0.80, 0.89), (20, 600, 0.90, 0.96)])
 def test_intervals_of_few_values_hold_the_mean_as_often_as_they_say(count, samples, least, most):
     values = list(drawn(7, samples, count))

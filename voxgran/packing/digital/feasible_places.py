@@ -47,8 +47,11 @@ class Table:
 def runs_of(mask: Booleans) -> Integers:
     """Return the runs of a mask along z: x, y, first z and length, (r, 4)."""
     # an empty voxel above each column ends its last run
-    padded = np.pad(mask, ((0, 0), (0, 0), (0, 1)))
-    edges = np.flatnonzero(np.diff(padded.reshape(-1), prepend=np.False_))
+    padded = np.zeros((*mask.shape[:2], mask.shape[2] + 1), dtype=bool)
+    padded[:, :, :-1] = mask
+    # one more in front begins a run in the first voxel
+    flat = np.append(np.False_, padded)
+    edges = np.flatnonzero(flat[1:] != flat[:-1])
     start, end = edges[::2], edges[1::2]
     return np.column_stack([*np.unravel_index(start, padded.shape), end - start]).astype(np.int64)
 

@@ -124,12 +124,12 @@ def orient(problem: Problem, first: Integers, lattice: ContainerLattice) -> Orie
         seen: set[tuple[bytes, tuple[int, ...], tuple[int, ...]]] = set()
         for pose in poses:
             box, low = cut_to_box(problem.voxels(int(first[kind]), pose, lattice.voxel_size, cover=settings.cover))
-            for turn, quaternion in zip(turns, quaternions, strict=True):
+            for turn, quaternion in zip(turns, product(quaternions, pose), strict=True):
                 turned, corner = turned_mask(box, turn), np.array(turned_box.plain(low, box.shape, turn)[0])
                 key = (turned.tobytes(), turned.shape, tuple(corner.tolist()))
                 if key not in seen:
                     seen.add(key)
-                    found.append((turned, corner, kind, product(quaternion[None], pose[None])[0]))
+                    found.append((turned, corner, kind, quaternion))
     for grain, pose in enumerate(() if problem.start is None else problem.start.orientation):
         box, low = cut_to_box(problem.voxels(grain, pose, lattice.voxel_size, cover=settings.cover))
         found.append((box, low, len(first) + grain, pose))

@@ -95,7 +95,7 @@ def test_more_grains_than_fit_are_left_out():
     ("shape", "container", "parameters"),
     [
         slow(SPHERE, vg.Box((10, 10, 8.2)), {}),
-        (SPHERE, vg.Box((8, 8, 8)), {"sizes": vg.sizes.lognormal(1.0, 0.4)}),
+        slow(SPHERE, vg.Box((8, 8, 8)), {"sizes": vg.sizes.lognormal(1.0, 0.4)}),
         (SPHERE, vg.Cylinder(2.0, 6.0), {}),
         slow(SPHERE, vg.Sphere(4.0), {}),
         slow(vg.make_shape("platonic", solid="tetrahedron"), vg.Box((6, 6, 6)), {}),
@@ -200,6 +200,7 @@ def test_the_expected_bed_is_the_one_that_comes(container, count):
     assert expected.note == ""
 
 
+@pytest.mark.slow
 def test_a_bed_without_a_bulk_is_told_before_it_is_packed():
     """Two layers in a wide cylinder: a solid fraction is asked of them that only a bulk has."""
     steps, options = [], {"method": "gravity", "count": 60, "solid_fraction": 0.6, "time_limit": 0.0}
@@ -343,6 +344,7 @@ def test_below_walls_that_hang_over_there_is_room_as_below_the_top(thickness):
         assert found == pytest.approx(usual_solid_fraction(task.problem) * area, rel=0.01)
 
 
+@pytest.mark.slow
 def test_beds_below_a_sloping_roof_rest_without_being_asked_for_fewer_grains():
     """Filled up to the roof, these pentagons were wedged below it and crept on."""
     roofed = vg.Polygon([(0, 0), (6, 0), (6, 4), (3, 2.5), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2), (2, 2)]])

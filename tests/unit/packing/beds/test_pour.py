@@ -86,6 +86,7 @@ def test_weights_are_those_of_all_batches():
     assert len(bed.shapes) == 2
 
 
+@pytest.mark.slow
 def test_a_container_that_is_full_below_the_inlet():
     with pytest.warns(
         PackingWarning, match=r"of 100 grains were poured: the container is full below the inlet"

@@ -173,6 +173,7 @@ def test_what_cannot_be():
         vg.pour(BALL, box, 5, batch=2, fall_height=1.0)
 
 
+@pytest.mark.slow
 def test_a_pour_in_batches_goes_on_from_its_checkpoints(tmp_path):
     box, path = vg.Box((5, 5, 10)), tmp_path / "heap.ckpt"
     whole = vg.pour(BALL, box, 9, batch=3, seed=2)

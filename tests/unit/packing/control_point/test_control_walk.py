@@ -297,6 +297,7 @@ def test_small_grains_do_not_enter_large_ones_nor_the_other_way_round(seed):
     assert vg.verify(packing).ok
 
 
+@pytest.mark.slow
 def test_containment_is_seen_from_both_sides():
     """No control points are near each other where a small sphere lies deep in a large one; both orders are refused."""
     task = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=2, spacing=0.2, contact="kdtree")
@@ -325,6 +326,7 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
             assert sum(array.nbytes for array in (*pairs.bodies.trees, *pairs.cache)) < cost.memory
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ways", ["both", "one"])
 def test_signed_distances_see_containment_both_ways(ways):
     task = task_of(
@@ -498,6 +500,7 @@ def test_overlaps_between_control_points_are_told():
     assert vg.verify(vg.pack(cube, box, "control_point", **told)).ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [slow(0.0), 0.3])
 def test_the_wall_of_a_mesh_is_sampled_once_for_all_seeds(monkeypatch, sigma):
     """Its points cover it as finely as asked, whatever the median of the sizes that are drawn."""

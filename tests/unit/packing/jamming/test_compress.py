@@ -38,6 +38,7 @@ def test_a_container_too_small_for_the_count_is_stretched():
     assert sorted(listed.grain_id) == list(range(60))
 
 
+@pytest.mark.slow
 def test_axes_that_stay_are_those_of_the_container():
     specimen = vg.pack(SPHERE, vg.Cylinder(2.5, 5), "compress", axes="z", count=60)
     assert (specimen.count, specimen.container.radius) == (60, 2.5)

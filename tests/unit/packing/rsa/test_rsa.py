@@ -237,6 +237,7 @@ def test_open_cells_hold_every_free_place():
     assert len(cells) < 0.5 * np.prod(classes.base[0] * 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_open_boxes_are_the_free_room_exactly(dimension):
     """Cut anew, the boxes hold every free place and no other, and none twice."""

@@ -181,6 +181,7 @@ def test_a_cavity_of_the_container_does_not_lie_in_a_grain():
         assert placed([shape], room, np.zeros(2, dtype=int), np.full(2, 1.5), *poses).tolist() == [False, True]
 
 
+@pytest.mark.slow
 def test_farthest_points_of_rows():
     """The farthest point is the support point along its own direction: the best of those that steps lead to."""
     generator = stream(1, "rows")
@@ -201,7 +202,7 @@ def test_farthest_points_of_rows():
             assert farthest_of_row(row_of(shape.geometry), *place) == pytest.approx(best, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["box", "cone", "union", "polyhedron"])
+@pytest.mark.parametrize("name", ["box", "cone", slow("union"), "polyhedron"])
 def test_closed_cells_hold_no_free_place(name):
     """Half way: where a new grain fits in any orientation there is an open cell, and many are closed."""
     shape, box = SOLIDS[name](), vg.Box((4.5, 4, 5), "y")

@@ -98,6 +98,7 @@ def test_the_solid_fraction_is_met_exactly(options):
     assert packing.solid_fraction == pytest.approx(0.12, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_solid_fraction_beyond_reach_is_missed_with_a_warning():
     with pytest.warns(UserWarning, match=r"the solid fraction is 0\.3\d* instead of 0\.9"):
         packing = grown(vg.Rectangle((4, 4)), solid_fraction=0.9)

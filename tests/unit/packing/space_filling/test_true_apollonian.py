@@ -92,6 +92,7 @@ def test_the_scales_of_squares_are_those_of_separating_lines():
     assert packing.scale == pytest.approx(found, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_polygons_of_many_corners_are_packed_as_disks():
     box = vg.Rectangle((6, 6), periodic="xy")
     disks = filled(vg.make_shape("disk"), box, count=60, seed=2)

@@ -497,6 +497,7 @@ def test_tiles_have_the_cells_of_the_whole():
     assert len(tiles - whole) < 0.04 * len(whole)
 
 
+@pytest.mark.slow
 def test_running_sums_decide_whether_a_fraction_is_met():
     """Of many thousand spheres another order of summation gives another rounding, which once ended in an error."""
     packing = vg.pack(SPHERE, vg.Box((20, 20, 0.1)), "tetrahedral", solid_fraction=0.4)

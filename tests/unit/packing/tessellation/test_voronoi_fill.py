@@ -65,6 +65,7 @@ def test_a_loose_packing_has_exactly_the_sizes_that_were_drawn():
     assert counted.stop_reason == "count"
 
 
+@pytest.mark.slow
 def test_more_than_there_is_room_for_is_told_with_what_is_reached():
     with pytest.warns(PackingWarning, match=r"the solid fraction is 0\.\d+ instead of 0\.6"):
         packing = filled(vg.make_shape("box"), vg.Box((6, 6, 6)), solid_fraction=0.6, sizes=GRADED)
