@@ -68,10 +68,11 @@ ADDING: dict[str, dict[str, Any]] = {
     "control_point": {"distance": 0.05, "lid": True},
     "digital": {},
     "digital_fill": {},
+    "gravity": {},
     "growth": {},
 }
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 152
+KERNELS = 153
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 

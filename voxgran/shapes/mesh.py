@@ -84,6 +84,10 @@ class Triangles:
         object.__setattr__(self, "points", vertices)
         object.__setattr__(self, "corners", read_only(faces.astype(corner_type(count), copy=False)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind
+        return type(self), (self.points, self.corners)
+
     @property
     def vertices(self) -> Floats:
         """Vertices, (n, 3)."""
@@ -117,7 +121,7 @@ class Triangles:
     @cached_property
     def areas(self) -> Floats:
         """Areas of the triangles, (m,)."""
-        return areas_of(self.triangles)
+        return read_only(areas_of(self.triangles))
 
     @property
     def surface_area(self) -> float:
@@ -170,12 +174,12 @@ class Mesh(Triangles):
         if isinstance(self.points, LatticePoints):
             sixth, moment = _sums(self.points.steps, self.corners.astype(np.int32))
             center = moment / (4 * sixth) if sixth else np.zeros(3)
-            return float(sixth * self.points.step.prod() / 6), center * self.points.step + self.points.first
+            return float(sixth * self.points.step.prod() / 6), read_only(center * self.points.step + self.points.first)
         middle, (a, b, c), sixth = self._tetrahedra()
         volume = float(sixth.sum())
         if volume == 0.0:
-            return 0.0, middle
-        return volume, middle + (sixth[:, None] * (a + b + c)).sum(axis=0) / 4 / volume
+            return 0.0, read_only(middle)
+        return volume, read_only(middle + (sixth[:, None] * (a + b + c)).sum(axis=0) / 4 / volume)
 
     @property
     def volume(self) -> float:
@@ -196,13 +200,13 @@ class Mesh(Triangles):
         """
         _, (a, b, c), sixth = self._tetrahedra()
         if self.volume == 0.0:
-            return np.zeros((3, 3))
+            return read_only(np.zeros((3, 3)))
         total, corners = a + b + c, np.stack([a, b, c], axis=1)
         second = np.einsum("f,fki,fkj->ij", sixth, corners, corners)
         second = (second + np.einsum("f,fi,fj->ij", sixth, total, total)) / 20
         offset = (sixth[:, None] * total).sum(axis=0) / 4 / self.volume
         second = second - self.volume * np.outer(offset, offset)
-        return np.asarray(np.trace(second) * np.eye(3) - second)
+        return read_only(np.trace(second) * np.eye(3) - second)
 
 
 @kernel
@@ -253,7 +257,7 @@ class Surface(Triangles):
         """Centroid of the area, (3,)."""
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
         share = self.areas / self.areas.sum()
-        return np.asarray(middle + share @ (self.triangles - middle).mean(axis=1))
+        return read_only(middle + share @ (self.triangles - middle).mean(axis=1))
 
     @property
     def inertia(self) -> Floats:

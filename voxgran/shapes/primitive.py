@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.rotation import product, quaternions_of, rotation_matrices
@@ -70,7 +70,7 @@ class Primitive:
     @cached_property
     def matrix(self) -> Floats:
         """Rotation matrix, (3, 3)."""
-        return rotation_matrices(np.array([self.rotation]))[0]
+        return read_only(rotation_matrices(np.array([self.rotation]))[0])
 
     @cached_property
     def volume(self) -> float:
@@ -122,7 +122,7 @@ class Primitive:
         else:
             squares = 3 * np.array([d[0], d[0], d[1]]) ** 2 / (20, 20, 80)
         body = np.diag(v * (squares.sum() - squares))
-        return self.matrix @ body @ self.matrix.T
+        return read_only(self.matrix @ body @ self.matrix.T)
 
     @cached_property
     def bounding_radius(self) -> float:

@@ -109,10 +109,7 @@ def test_temporary_folders_are_removed_with_their_arrays(tmp_path):
 
 @pytest.mark.parametrize(
     ("periodic", "edges"),
-    [
-        case if case == ("xyz", UNEQUAL) else slow(*case)
-        for case in itertools.product(PERIODS, (None, 0.3, UNEQUAL))
-    ],
+    [case if case == ("xyz", UNEQUAL) else slow(*case) for case in itertools.product(PERIODS, (None, 0.3, UNEQUAL))],
 )
 def test_distances_are_those_of_the_whole_image(edges, periodic):
     far = np.ones(SHAPE, dtype=bool)

@@ -8,6 +8,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import sized
+from voxgran.shapes.mesh import Triangles
 
 SOLIDS = ["sphere", "ellipsoid", "box", "cylinder", "cone", "platonic", "solid_union"]
 
@@ -86,6 +87,22 @@ def test_a_shape_keeps_its_record():
     assert sized(shape.geometry, 2.0, name="box", record=record).record["dimension"] == 2.7268
     assert not vg.make_shape("box").record
     assert "dimension=2.7268" in repr(shape.record)
+
+
+@pytest.mark.parametrize("family", ["box", "convex_polyhedron", "polygon", "sheet"])
+def test_what_a_shape_remembers_cannot_be_changed(family):
+    shape = vg.make_shape(family)
+    one = shape.geometry
+    for name in ("centroid", "inertia", "areas", "matrix", "area_inertia"):
+        if name in dir(one) and (family, name) != ("sheet", "inertia"):
+            kept = getattr(one, name)
+            assert kept is not getattr(one, name) or not kept.flags.writeable, name
+    if isinstance(one, Triangles):
+        again = pickle.loads(pickle.dumps(one))
+        assert not again.vertices.flags.writeable
+        # what was cached stays behind
+        assert list(vars(again)) == ["points", "corners"]
+        assert type(again) is type(one)
 
 
 @pytest.mark.parametrize("record", [{1: 2.0}, {"a": object()}, {"a": np.array(["b"])}])
