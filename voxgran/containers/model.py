@@ -196,9 +196,9 @@ def periods_of(container: Container) -> Floats:
     space.
     """
     lower, upper = container.bounds
-    periods = np.diag(np.where(container.periodic, upper - lower, 0.0))
-    periods[np.tril_indices(3, -1)] = tilt_of(container)
-    return periods
+    x, y, z = np.where(container.periodic, upper - lower, 0.0).tolist()
+    xy, xz, yz = tilt_of(container)
+    return np.array([(x, 0.0, 0.0), (xy, y, 0.0), (xz, yz, z)])
 
 
 def within_periods(points: Floats, container: Container) -> Floats:

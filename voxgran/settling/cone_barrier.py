@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.compiling.threads import one_blas_thread
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
@@ -157,7 +158,7 @@ def _solved(program: _Program, bend: Floats, right: Floats) -> Floats | None:
     moved = np.einsum("kmi,mij->kmj", program.virial.reshape(k, -1, 3), bend).reshape(k, -1)
     coupled = program.matrix[:n] @ moved.T
     # threads of small products wait for each other longer than they work, and give other bits
-    with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         if not program.grains.factorize(np.hstack([pure, mixed]).ravel()):
             return None
         x = program.grains.solve(right[:n])

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import one_blas_thread
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
@@ -205,7 +206,7 @@ def frictionless_forces(
     if m:
         matrix = FrontalMatrix(contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms)), order)
         # threads of small products wait for each other longer than they work, and give other bits
-        with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             x, force, made = _solved(jacobian, matrix, weight, accuracy)
     accelerations = np.zeros((len(bodies), 6))
     accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, contacts.gravity, 0.0)

@@ -156,7 +156,8 @@ def _zigzag(centers: Floats, diameter: float, share: float) -> tuple[float, Floa
     if not len(centers):
         return diameter, np.zeros(3), np.zeros(3)
     middle = centers.mean(axis=0)
-    away = share * (centers[np.argmax(np.linalg.norm(centers - middle, axis=1))] - middle)
+    ways = centers - middle
+    away = share * ways[np.argmax(np.einsum("ij,ij->i", ways, ways))]
     return math.sqrt(max(diameter**2 - 4.0 * float(away @ away), 0.0)), middle, away
 
 

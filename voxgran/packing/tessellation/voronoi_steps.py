@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.compiling.threads import one_blas_thread
 from voxgran._base.lazy import load
 from voxgran.packing.method import State
 from voxgran.packing.tessellation.voronoi_cells import Cells, Diagram, seeds_of
@@ -130,7 +131,7 @@ def weight_steps(diagram: Diagram, volumes: Floats) -> Floats:
     diagonal, lacking = matrix.diagonal(), volumes - diagram.volume
     scaled = sparse.diags_array(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
     # the same bits whatever the number of threads of BLAS
-    with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         steps, _ = load("scipy.sparse.linalg").cg(
             matrix, lacking - lacking.mean(), rtol=RESIDUAL, maxiter=ITERATIONS, M=scaled
         )
