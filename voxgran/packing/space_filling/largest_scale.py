@@ -268,7 +268,7 @@ def _beside_image(around, s, g, ex, ey, ez, f, least, only):  # type: ignore[no-
 def _surfaces_touch(shapes, a, b, x, y, z, least, most):  # type: ignore[no-untyped-def]
     """Return the scale, up to `most`, at which a part of b first touches one of a as b grows, and the normal there.
 
-    x, y, z: centroid of b in the frame of a. The scale is 0 if the point is taken. The search ends at one below `least`.
+    x, y, z: centroid of b in the frame of a. The scale is 0 if the point is taken; the search ends below `least`.
     """
     turn, stack = shapes.work.relative, shapes.work.stack
     best, mx, my, mz = most, 0.0, 0.0, 0.0

@@ -33,8 +33,8 @@ MOVES, FIRST = 24, 0.25
 FIRST_TRY = 2
 #: attempts in a row that find no place, after which the container is full
 PATIENCE = 5_000
-#: measured seconds of a grain, and of a power of the number of its parts; shares of them for each move and rotation, and
-#: how many times as long a grain takes on the average where attempts go on until few find room for the smallest size
+#: measured seconds of a grain, and of a power of the number of its parts; shares of them for each move and rotation,
+#: and how many times as long a grain takes on the average where attempts go on until few find room for the smallest
 GRAIN_SECONDS, PART_SECONDS, PART_POWER = 1e-4, 4e-5, 0.75
 MOVE_SHARE, ROTATION_SHARE, PATIENT_SHARE = 4.5, 0.3, 13.0
 #: measured number of grains of the smallest size whose volume is that of the container, for each grain that is made
