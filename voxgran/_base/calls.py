@@ -123,7 +123,8 @@ def _broken_rule(
     if len(known) == len(entries):
         for key in keywords:
             if key not in known:
-                return removal_of(owner, key, name) or unknown(f"argument of {name}", key, known)
+                remedy = " (pack, Packing.of, load and load_shape take the unit)" if key == "unit" else ""
+                return removal_of(owner, key, name) or unknown(f"argument of {name}", key, known) + remedy
     for key in by_position[: len(given)]:
         if key in keywords:
             return f"{name} was given {key} twice, by position and by name"

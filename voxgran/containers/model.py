@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, check_lengths
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, MissingLibraryError, check_known, nearest, shown
+from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, check_known, nearest, shown, unknown
 from voxgran._base.registry import Registry
 from voxgran.geometry.periods import wrapped
 from voxgran.geometry.walls import Plane, Round
@@ -368,6 +368,8 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     check_known(f"{where} kind", kind, names)
     entry = registry.get(kind)
     for key in rest:
+        if key == "unit" and key not in entry.keys:
+            raise UnknownNameError(f"{unknown(f'{where} key', key, entry.keys)}; a scene states its unit in [scene]")
         check_known(f"{where} key", key, entry.keys)
     for key, required in entry.keys.items():
         if required and key not in rest:

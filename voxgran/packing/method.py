@@ -360,14 +360,16 @@ def check_cost(method: PackingMethod, problem: Problem) -> None:
         warn(text, LongRunWarning)
 
 
-def long_run(method: PackingMethod, problem: Problem) -> str:
+def long_run(method: PackingMethod, problem: Problem, seconds: float | None = None) -> str:
     """Return that a packing takes long, though no voxel size is given, and what shortens it; empty if it does not."""
-    seconds, settings = method.cost(problem).seconds, problem.parameters
+    seconds, settings = method.cost(problem).seconds if seconds is None else seconds, problem.parameters
     if seconds <= LONG_RUN or getattr(settings, "voxel_size", None) is not None:
         return ""
     remedy = "larger voxels (voxel_size), fewer orientations, turned=False, fewer different sizes or fewer grains"
     if hasattr(settings, "sweeps"):
         remedy = "fewer sweeps, a higher rate or fewer grains"
+    if method.sizing == "made":
+        remedy = "a lower solid fraction, fewer or larger grains, or shapes of fewer faces"
     return f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: {remedy} take less"
 
 

@@ -364,7 +364,7 @@ def spheres_of_start(problem: Problem) -> Floats:
     proof = verify(grains)
     if not proof.ok:
         wrong = [item.grain for item in proof.escapes] or [max(pair.i, pair.j) for pair in proof.pairs]
-        refuse_start(wrong[0])
+        refuse_start(problem.start, wrong[0], problem.container)
     place = problem.start.wrapped(problem.container) - problem.container.bounds[0]
     return np.column_stack([place, grains.bounding_radii])
 

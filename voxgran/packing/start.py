@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError, numbered, shown
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.seeds import stream
 from voxgran._base.units import NO_UNIT
@@ -39,6 +39,8 @@ from voxgran.shapes.size_laws.listed import refuse_too_many
 STANDING = "standing"
 #: distance in median diameters by which the grains of copies that are alike differ at most
 SAME = 1e-6
+#: measured bytes of a copy of a grain, and of a contact with its force, while they are made
+COPY_BYTES, CONTACT_BYTES = 112, 264
 #: how packings become alike in what they must share for a sum
 _REMEDIES = {
     "unit": "convert one with to_unit",
@@ -74,18 +76,36 @@ class Start:
         return np.concatenate([np.arange(self.count, count), np.arange(self.count)]).astype(np.int64)
 
 
-def refuse_start(grain: int) -> None:
-    """Raise the error that no place is found for a grain of the start.
+def refuse_start(start: Start, grain: int, container: Container) -> None:
+    """Raise the error that no place is found for a grain of the start, or that the start is larger than the container.
 
     Raises
     ------
     InputError
         Always.
     """
+    refuse_outside(start, container)
     raise InputError(
         f"grain {grain} of start finds no place near or above its own: the method needs gaps between grains; give a "
         "taller container, finer voxels or points, or a looser start"
     )
+
+
+def refuse_outside(start: Start, container: Container) -> None:
+    """Refuse a start of which centroids are beyond the walls of the container.
+
+    Raises
+    ------
+    InputError
+        If it is so.
+    """
+    outside = np.flatnonzero(container.signed_distance(start.wrapped(container)) > 0.0)
+    if len(outside):
+        raise InputError(
+            f"start reaches beyond the container, a {type(container).__name__}: the centroids of its "
+            f"{numbered('grain', outside)} are outside; give a container that holds all grains of start, or leave "
+            "those out, as in start[chosen]"
+        )
 
 
 def check_start(start: Assembly, dimension: int, name: str = "start") -> None:
@@ -214,7 +234,8 @@ def copies_of(packing: Any, repeats: Any) -> dict[str, Any]:
         As :meth:`voxgran.Packing.tiled`.
     """
     box, cells = repeated(packing.container, repeats)
-    refuse_too_many(packing.count * len(cells))
+    contacts = 0 if packing.forces is None else len(packing.forces.force)
+    refuse_too_many(packing.count * len(cells), COPY_BYTES + CONTACT_BYTES * contacts / max(packing.count, 1))
     moved, k = tiled_positions(packing, box, cells), len(cells)
     tile: dict[str, Any] = {"shape_id": k, "scale": k, "orientation": (k, 1), "fixed": k, "grain_id": k}
     values = {name: getattr(packing, name) for name in tile}

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
+from voxgran._base.errors import CallError, DirtyMeshError, InputError, UnknownNameError
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.containers.kinds.disk import Disk
@@ -112,3 +112,15 @@ def test_the_boundary_is_that_of_the_signed_distance(container):
 def test_what_is_wrong_is_named(mapping, error, message):
     with pytest.raises(error, match=message):
         make_container(mapping)
+
+
+def test_a_unit_and_another_dimension_are_told_with_a_remedy():
+    for container in (Box, Rectangle, Cylinder, Disk, Sphere, ClosedMesh, Polygon):
+        with pytest.raises(CallError, match=r"'unit' is unknown: .*pack, .* take the unit"):
+            container(unit="mm")
+    with pytest.raises(UnknownNameError, match=r"'unit' is unknown: .*; a scene states its unit in \[scene\]"):
+        make_container({"kind": "box", "lengths": [8, 8, 8], "unit": "mm"})
+    with pytest.raises(InputError, match=r"lengths has shape \(2,\): .*; use a Rectangle"):
+        Box((8, 30))
+    with pytest.raises(InputError, match=r"lengths has shape \(3,\): .*; use a Box"):
+        Rectangle((8, 30, 8))

@@ -153,3 +153,11 @@ def test_ways_are_the_nearest_first():
     assert not flat[:, 2].any()
     assert flat[1].tolist() == [0, 1, 0]
     assert ways_from(np.array([1, 0, 0]), np.array([4, 9, 9]), raised=True).tolist() == [[-k, 0, 0] for k in range(5)]
+
+
+@pytest.mark.parametrize("method", ["rsa", "random_apollonian", "gravity"])
+def test_a_start_beyond_a_smaller_container_is_refused_by_its_grains(method):
+    sphere = vg.shapes.sphere()
+    start = vg.Packing.of(sphere, vg.Box((6, 6, 6)), position=[(1, 1, 1), (5, 1, 1), (1, 5, 1), (2.5, 1, 1)])
+    with pytest.raises(InputError, match=r"start reaches beyond the container, a Box: .* grains 1, 2 "):
+        vg.pack(sphere, vg.Box((4, 4, 4)), method, count=3, start=start)

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -183,3 +184,18 @@ def test_what_refuses(repeats, told):
     one = vg.Packing.of(vg.shapes.sphere(), vg.Box((3, 3, 3), periodic="xy"), position=[(1, 1, 1)])
     with pytest.raises(InputError, match=told):
         one.tiled(repeats)
+
+
+@pytest.mark.parametrize("method", ["rsa", "gravity"])
+def test_the_memory_of_copies_is_known_within_a_third(method, monkeypatch):
+    one = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 8), periodic="xy"), method, count=60, seed=1)
+    one.tiled((2, 2, 1))
+    tracemalloc.start()
+    many = one.tiled((20, 20, 1)).count
+    needed = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    told = []
+    monkeypatch.setattr("voxgran.packing.start.refuse_too_many", lambda count, each: told.append(count * each))
+    one.tiled((20, 20, 1))
+    assert many == 24_000
+    assert told[0] == pytest.approx(needed, rel=0.3)

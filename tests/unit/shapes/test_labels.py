@@ -17,6 +17,7 @@ from voxgran._base.errors import FileFormatError, InputError, MissingFileError, 
 from voxgran._base.seeds import stream
 from voxgran.lattice import census as counting
 from voxgran.lattice.census import census
+from voxgran.lattice.image import Image
 from voxgran.lattice.surface import smooth_surface
 from voxgran.shapes.repairing.diagnose import diagnose
 
@@ -86,6 +87,9 @@ def test_edges_of_a_voxel_may_differ():
     table = vg.label_table(image, voxel_size=(1, 2, 3))
     assert table["lower"].values.tolist() == [[3, 6, 9]]
     assert table["upper"].values.tolist() == [[9, 18, 27]]
+    assert {value.attrs["units"] for value in table.values()} == {"1"}
+    table = vg.label_table(Image(image, 2.0, unit="um"))
+    assert [table[name].attrs["units"] for name in ("voxels", "volume", "centroid")] == ["1", "um^3", "um"]
 
 
 def three():

@@ -169,6 +169,14 @@ def inner_radius(shape: Shape) -> float:
     return max(depth, 0.0) * (1.0 if shape.is_sphere else 1.0 - ROUNDING)
 
 
+def part_count(shape: Shape) -> int:
+    """Return the number of convex parts of a shape."""
+    solid = _solid_of(shape)
+    if isinstance(solid.geometry, Spheres):
+        return len(solid.geometry.radii)
+    return len(solid.faces) if isinstance(solid.geometry, Mesh) and not _fills_hull(solid) else 1
+
+
 def _solid_of(shape: Shape) -> Shape:
     """Return a shape, or the prism upon an outline that is not a disk."""
     geometry = shape.geometry

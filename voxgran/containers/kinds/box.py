@@ -1,6 +1,7 @@
 """A box with walls or periodic faces, and what it shares with a rectangle."""
 
 import math
+from collections.abc import Sized
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -34,6 +35,12 @@ class Block:
     def _set(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike", tilt: "ArrayLike") -> None:
         """Check and set the attributes."""
         d = self.dimension
+        if isinstance(lengths, Sized) and len(lengths) == 5 - d:
+            other = "Rectangle, which has 2" if d == 3 else "Box, which has 3"
+            raise InputError(
+                f"lengths has shape ({5 - d},): it must have shape ({d},), as a {self.kind} has {d} dimensions; use a "
+                f"{other}"
+            )
         edges = tuple(
             as_length(float(v), f"length of the {self.kind}") for v in as_vector(lengths, "lengths", length=d)
         )

@@ -87,7 +87,7 @@ class ControlWalker:
             world.pairs.scratch.quaternion[:] = start.orientation[grain]
             fine = 0.25 * (float(world.pairs.grains.extent[grain, HALF_SPACING]) + world.pairs.gap)
             if not enter_raised(world, grain, start.position[grain], up, fine):
-                refuse_start(grain)
+                refuse_start(start, grain, problem.container)
 
     def make_attempts(self, problem: Problem, state: ControlState, last: int) -> None:
         """Run the kernel up to attempt `last`, or until no grain is waiting or too many were refused."""

@@ -55,7 +55,7 @@ def stand_on_lattice(
     sites = _sites(start.position, lattice)
     grain = stuck(start.rising(gravity), sites, ways_from(gravity, lattice.shape, raised=True))
     if grain >= 0:
-        refuse_start(grain)
+        refuse_start(start, grain, problem.container)
     return sites
 
 

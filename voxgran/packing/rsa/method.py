@@ -71,7 +71,7 @@ from voxgran.packing.rsa.precompute import (
     searches,
 )
 from voxgran.packing.rsa.saturation import goes_on, proof_of, warn_if_not_proven
-from voxgran.packing.start import Start
+from voxgran.packing.start import Start, refuse_outside
 
 #: what the kernels count, in their order
 TALLY = ("turn", "tried", "placed", "moved", "refused", "unproven", "put_off", "late", "refused_in_row")
@@ -297,6 +297,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """
     n, proof = start.count, verify(problem.start_assembly(start))
     if not proof.ok:
+        refuse_outside(start, problem.container)
         wrong = [escape.grain for escape in proof.escapes] + [pair.j for pair in proof.pairs]
         raise InputError(
             f"grain {min(wrong)} of start finds no place: its true shape reaches beyond a wall or overlaps another; "

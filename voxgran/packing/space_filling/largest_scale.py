@@ -91,7 +91,7 @@ def largest_scale(around: Surroundings, s: int, x: float, y: float, z: float, le
     if f < least or f <= 0.0:
         return 0.0
     if around.walls.kind == MESH:
-        f = _within_mesh(around, s, x, y, z, f)
+        f = _within_mesh(around, s, x, y, z, f, least)
     elif not _is_alone(around, s, x, y, z, f):
         f = _within(around, s, x, y, z, f)
     return f if f >= least else 0.0
@@ -139,8 +139,11 @@ def _within(around, s, x, y, z, most):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _within_mesh(around, s, x, y, z, most):  # type: ignore[no-untyped-def]
-    """Return the scale, up to `most`, at which a grain touches a wall of a closed mesh, the last shape."""
+def _within_mesh(around, s, x, y, z, most, least):  # type: ignore[no-untyped-def]
+    """Return the scale, up to `most`, at which a grain touches a wall of a closed mesh, the last shape.
+
+    A scale below `least` may be too large, here and below.
+    """
     shapes, away, shift = around.shapes, around.away, around.walls.mesh.shift
     if -mesh_distance(around.walls.mesh, x, y, z) >= most * shapes.bounding[s]:
         return most
@@ -148,7 +151,7 @@ def _within_mesh(around, s, x, y, z, most):  # type: ignore[no-untyped-def]
         for j in range(3):
             shapes.work.relative[i, j] = shapes.work.turn[i, j]
     px, py, pz = x + shift[0], y + shift[1], z + shift[2]
-    found, nx, ny, nz = _surfaces_touch(shapes, len(shapes.first) - 2, s, px, py, pz, most)
+    found, nx, ny, nz = _surfaces_touch(shapes, len(shapes.first) - 2, s, px, py, pz, least, most)
     if found >= most:
         return most
     away[0], away[1], away[2] = nx, ny, nz
@@ -181,7 +184,7 @@ def _beside_others(around, s, x, y, z, f, least, only):  # type: ignore[no-untyp
                         g = cells.item[entry]
                         if seen[g] != search:
                             seen[g] = search
-                            f = _beside(around, s, g, x, y, z, f, only)
+                            f = _beside(around, s, g, x, y, z, f, least, only)
                             if f <= 0.0 or f < least:
                                 return 0.0
                         entry = cells.after[entry]
@@ -192,7 +195,7 @@ def _beside_others(around, s, x, y, z, f, least, only):  # type: ignore[no-untyp
 
 
 @bare_kernel
-def _beside(around, s, g, x, y, z, f, only):  # type: ignore[no-untyped-def]
+def _beside(around, s, g, x, y, z, f, least, only):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain meets no image of grain g; 0 with `only` if it is below f."""
     spheres, shapes = around.spheres, around.shapes
     bound, core = shapes.bounding[s], around.core[s]
@@ -216,7 +219,7 @@ def _beside(around, s, g, x, y, z, f, only):  # type: ignore[no-untyped-def]
                     f = (math.sqrt(square) - around.cores[g, 3]) / core
                     if f <= 0.0:
                         return 0.0
-                f = _beside_image(around, s, g, ex, ey, ez, f, only)
+                f = _beside_image(around, s, g, ex, ey, ez, f, least, only)
                 if f <= 0.0:
                     return 0.0
     return f
@@ -232,7 +235,7 @@ def _images(cells, axis, step, reach):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _beside_image(around, s, g, ex, ey, ez, f, only):  # type: ignore[no-untyped-def]
+def _beside_image(around, s, g, ex, ey, ez, f, least, only):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain does not meet another, whose centroid lies at e from its own."""
     shapes, away = around.shapes, around.away
     turn, other, relative = shapes.work.turn, shapes.work.other, shapes.work.relative
@@ -253,7 +256,7 @@ def _beside_image(around, s, g, ex, ey, ez, f, only):  # type: ignore[no-untyped
     elif shapes.closed[b] and holds(shapes, b, x, y, z):
         return 0.0
     else:
-        found, nx, ny, nz = _surfaces_touch(shapes, b, s, x, y, z, f / own)
+        found, nx, ny, nz = _surfaces_touch(shapes, b, s, x, y, z, least / own, f / own)
     if found >= f / own:
         return f
     for c in range(3):
@@ -262,17 +265,17 @@ def _beside_image(around, s, g, ex, ey, ez, f, only):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def _surfaces_touch(shapes, a, b, x, y, z, most):  # type: ignore[no-untyped-def]
+def _surfaces_touch(shapes, a, b, x, y, z, least, most):  # type: ignore[no-untyped-def]
     """Return the scale, up to `most`, at which a part of b first touches one of a as b grows, and the normal there.
 
-    x, y, z: centroid of b in the frame of a. The scale is 0 if the point is taken.
+    x, y, z: centroid of b in the frame of a. The scale is 0 if the point is taken; the search ends below `least`.
     """
     turn, stack = shapes.work.relative, shapes.work.stack
     best, mx, my, mz = most, 0.0, 0.0, 0.0
     box, other_box = shapes.first[a, 1], shapes.first[b, 1]
     leaves, other_leaves = (shapes.first[a + 1, 1] - box) // 2, (shapes.first[b + 1, 1] - other_box) // 2
     stack[0, 0], stack[0, 1], depth = 0, 0, 1
-    while depth > 0 and best > 0.0:
+    while depth > 0 and best > least:
         depth -= 1
         i, j = stack[depth, 0], stack[depth, 1]
         mine, other = shapes.sphere[box + i], shapes.sphere[other_box + j]

@@ -24,11 +24,11 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.config import check_bounds, parameter, parameter_class
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, LongRunWarning, warn
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, philox_key, unit_float
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State, long_run, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.space_filling.reach_cells import (
@@ -41,6 +41,7 @@ from voxgran.packing.space_filling.reach_cells import (
     wrapped,
 )
 from voxgran.packing.space_filling.true_apollonian import (
+    LOOKED,
     MADE,
     MISSED,
     NO_ROOM,
@@ -50,7 +51,9 @@ from voxgran.packing.space_filling.true_apollonian import (
     GrowthRules,
     PrecomputedShapes,
     advance_shapes,
+    expected_seconds,
     precompute_shapes,
+    seconds_of_fraction,
 )
 
 #: bytes of a grain (measured), and estimate of the largest number of attempts per grain
@@ -158,7 +161,13 @@ class Precomputed:
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
-    """Make up to `attempts` attempts, each of which draws one point."""
+    """Make up to `attempts` attempts, each of which draws one point.
+
+    Warns
+    -----
+    LongRunWarning
+        If the first grains show that the solid fraction is expected to take more than half a minute.
+    """
     if state.stop_reason:
         return state
     if "precomputed" not in state.derived:
@@ -168,7 +177,13 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     made: Precomputed | PrecomputedShapes = state.derived["precomputed"]
     key, last = philox_key(problem.seed, "apollonian"), min(state.done + attempts, state.total)
     if isinstance(made, PrecomputedShapes):
+        seen, tally = int(state.arrays["tally"][PLACED]) - problem.started, state.arrays["tally"]
         _look(problem, state, advance_shapes(problem, state, made, key, last))
+        if seen < LOOKED <= tally[PLACED] - problem.started and problem.asked_fraction and not state.stop_reason:
+            first = state.arrays["diameter"][: problem.started + LOOKED]
+            seconds = seconds_of_fraction(problem, first, made.rules.limits[3])
+            if text := long_run(method_registry().get("random_apollonian"), problem, seconds):
+                warn(text, LongRunWarning)
         return state
     end = NO_ROOM
     while end == NO_ROOM:
@@ -251,8 +266,11 @@ def cost(problem: Problem) -> Cost:
     InputError
         If the smallest diameter is above the largest one by default.
     """
-    _limits(problem)
-    return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=ATTEMPTS * problem.count + PATIENCE)
+    smallest, seconds = _limits(problem)[0], 0.0
+    if problem.asked_fraction is None and not all_spheres(problem):
+        seconds = expected_seconds(problem, smallest)
+    memory, attempts = GRAIN_BYTES * problem.count + 2**22, ATTEMPTS * problem.count + PATIENCE
+    return Cost(memory=memory, attempts=attempts, seconds=seconds)
 
 
 registration = PackingMethod(

@@ -15,7 +15,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.contacts.overlap.true_shapes import inner_radius, true_shapes
+from voxgran.contacts.overlap.true_shapes import inner_radius, part_count, true_shapes
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.geometry.rotation import draw_quaternion, write_matrix
 from voxgran.packing.method import State
@@ -33,6 +33,14 @@ MOVES, FIRST = 24, 0.25
 FIRST_TRY = 2
 #: attempts in a row that find no place, after which the container is full
 PATIENCE = 5_000
+#: measured seconds of a grain, and of a power of the number of its parts; shares of them for each move and rotation,
+#: and how many times as long a grain takes on the average where attempts go on until few find room for the smallest
+GRAIN_SECONDS, PART_SECONDS, PART_POWER = 1e-4, 4e-5, 0.75
+MOVE_SHARE, ROTATION_SHARE, PATIENT_SHARE = 4.5, 0.3, 13.0
+#: measured number of grains of the smallest size whose volume is that of the container, for each grain that is made
+GRAINS_OF_ROOM = 6.0
+#: number of grains after which the number is expected that a solid fraction takes, and least share of the volume left
+LOOKED, SMALLEST_LEFT = 200, 1e-9
 #: what is counted: grains placed, attempts in a row without a place
 PLACED, MISSED = 0, 1
 #: how a part of a run ends: attempts made or container full, solid fraction reached, no room for entries
@@ -93,6 +101,34 @@ def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key:
         if end == NO_ROOM:
             made.around = made.around._replace(cells=with_room(made.around.cells))
     return int(end)
+
+
+def expected_seconds(problem: Problem, smallest: float) -> float:
+    """Return the expected CPU time of a run that ends by its count or its smallest diameter."""
+    seconds = problem.count * _grain_seconds(problem)
+    if smallest > 0.0:
+        most = problem.container.volume / smallest**problem.dimension / GRAINS_OF_ROOM
+        seconds *= min(1.0, PATIENT_SHARE * most / max(problem.count, 1))
+    return seconds
+
+
+def seconds_of_fraction(problem: Problem, scale: Floats, asked: float) -> float:
+    """Return the expected CPU time in which a run of which the first grains are known has the volume that is asked for.
+
+    The volume that is left falls as a power of the number of grains, here from a quarter of the first grains to all.
+    """
+    volume = np.array([shape.volume for shape in problem.shapes])[problem.shape_id[: len(scale)]]
+    left = problem.container.volume - np.cumsum(volume * scale**problem.dimension)
+    end = (left[problem.started - 1] if problem.started else problem.container.volume) - asked
+    fall = math.log(left[-1] / max(end, SMALLEST_LEFT * left[-1])) / math.log(left[len(left) // 4] / left[-1])
+    return min(len(left) * 4.0 ** min(fall, 99.0), problem.count) * _grain_seconds(problem)
+
+
+def _grain_seconds(problem: Problem) -> float:
+    """Return the expected CPU time of a grain."""
+    parts, settings = max(part_count(shape) for shape in problem.shapes), problem.parameters
+    moves = 1.0 + MOVE_SHARE * settings.shift + ROTATION_SHARE * settings.rotate
+    return (GRAIN_SECONDS + PART_SECONDS * (parts - 1.0) ** PART_POWER) * moves
 
 
 @kernel

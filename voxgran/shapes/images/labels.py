@@ -19,6 +19,7 @@ from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.files import as_path
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step, reported, silent
+from voxgran._base.units import NO_UNIT
 from voxgran.lattice.block_surfaces import block_surfaces
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.image import Shelf, lazy_of
@@ -164,6 +165,7 @@ def label_table(
     -------
     xarray.Dataset
         Along ``label``: voxels, volume, lower and upper corner of the box, centroid, and whether it touches the border.
+        ``attrs["units"]`` of each is that of the file, such as ``"mm^3"``; ``"1"`` where none is known.
 
     Raises
     ------
@@ -186,12 +188,13 @@ def label_table(
     image = image_of(source, key)
     size, found = np.array(voxel_sizes(voxel_size, image)), _counted(image)
     origin = np.array(image.origin)
-    length = {"units": "unit of the voxel size"}
+    unit = voxel_unit(None, voxel_size, image) or NO_UNIT
+    length, volume = {"units": unit}, {"units": unit if unit == NO_UNIT else f"{unit}^3"}
     rows, corners = ("label",), ("label", "axis")
     dataset: Dataset = load("xarray").Dataset(
         {
             "voxels": (rows, found.count, {"units": "1", "long_name": "number of voxels"}),
-            "volume": (rows, found.count * size.prod(), {"units": "volume", "long_name": "volume of the voxels"}),
+            "volume": (rows, found.count * size.prod(), {**volume, "long_name": "volume of the voxels"}),
             "lower": (corners, origin + found.lower * size, {**length, "long_name": "lower corner of the box"}),
             "upper": (corners, origin + found.upper * size, {**length, "long_name": "upper corner of the box"}),
             "centroid": (corners, origin + found.middle * size, {**length, "long_name": "mean of the voxel centers"}),

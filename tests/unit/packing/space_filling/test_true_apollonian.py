@@ -1,11 +1,15 @@
 """Random points that get the largest copy of a true shape that fits, also rotated (random Apollonian packing)."""
 
+import warnings
+
 import numpy as np
 import pytest
 from kit import slow
 
 import voxgran as vg
+from voxgran._base.errors import LongRunWarning
 from voxgran.geometry.rotation import rotation_matrices
+from voxgran.packing import method as packing_method
 from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
@@ -177,3 +181,24 @@ def test_parts_of_a_run_give_the_same_bits(attempts):
     again = task.method.finish(task.problem, state)
     for name in ("position", "scale", "orientation"):
         assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
+
+
+def test_a_run_that_takes_long_says_so_before_it_starts_or_after_its_first_grains(monkeypatch):
+    rock = vg.make_shape("solid_union", seed=1)
+    box, few = vg.Box((10, 10, 10)), vg.simplify(rock, faces=100).shape
+
+    def told(shapes, limit=None, **asked):
+        with warnings.catch_warnings(record=True, action="ignore") as heard:
+            warnings.simplefilter("always", LongRunWarning)
+            vg.pack(shapes, box, "random_apollonian", seed=1, time_limit=limit, **asked)
+        return [str(one.message) for one in heard]
+
+    slow = told(rock, 0.0, count=5000)
+    assert len(slow) == 1
+    assert "method 'random_apollonian' is expected to take about" in slow[0]
+    assert not told(few, 0.0, count=1000)
+    assert not told(vg.make_shape("box"), 0.0, count=250_000)
+    # the number of grains that a solid fraction takes is not known before some are made
+    monkeypatch.setattr(packing_method, "LONG_RUN", 0.5)
+    assert not told(few, solid_fraction=0.2)
+    assert "fewer faces take less" in told(few, solid_fraction=0.25)[0]
