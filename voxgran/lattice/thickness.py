@@ -83,8 +83,8 @@ def local_thickness(
     Notes
     -----
     Memory beside the mask: 9 bytes per voxel, and for each thread about 100 bytes for each sphere that is looked at
-    within the width of the largest one. With 2.3 million voxels and a pore 120 voxels wide it takes a second of the
-    processor (``tools/thickness_speed.py``).
+    within the width of the largest one. With 2.3 million voxels and a pore 120 voxels wide it takes half a second
+    of the processor (``tools/thickness_speed.py``).
 
     References
     ----------

@@ -80,9 +80,7 @@ def edge_faults(faces: Integers, vertex_count: int, edges: Edges | None = None) 
     return np.array([(uses == 1).sum(), ((uses > 2).sum() + len(point)), unlike.sum()], dtype=np.int64)
 
 
-def face_pairs(
-    faces: Integers, vertex_count: int, edges: Edges | None = None
-) -> tuple[Integers, Integers, Integers]:
+def face_pairs(faces: Integers, vertex_count: int, edges: Edges | None = None) -> tuple[Integers, Integers, Integers]:
     """Return the two faces of each edge that has two, and whether their orientations disagree."""
     start, end, edge, uses, order = edges or numbered_edges(faces, vertex_count)
     chosen = order[(uses[edge[order]] == 2) & (start != end)[order]].reshape(-1, 2)

@@ -18,14 +18,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.crossing import count_crossings
 from voxgran.lattice.label import components
-from voxgran.shapes.shells import (
-    count_apart,
-    count_flipped,
-    edge_faults,
-    numbered_edges,
-    shell_counts,
-    without_unused,
-)
+from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, numbered_edges, shell_counts, without_unused
 
 #: vertices nearer than this many diagonals of the bounding box are one
 WELD = 1e-12

@@ -314,7 +314,7 @@ def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, I
     shells = shells_of(points, faces)
     inner = (shells.volume > 0) & (shells.level % 2 == 1)
     # faces of one shell that cross have been cut out
-    if len(inner) < 2 or not inner.any() and not crossing_faces(points, faces).any():
+    if len(inner) < 2 or (not inner.any() and not crossing_faces(points, faces).any()):
         return points, faces
     if (shells.volume < 0).any():
         raise DirtyMeshError(
