@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.morton import morton_order
 from voxgran.geometry.tree import STACK, TriangleTree
@@ -43,47 +43,77 @@ def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
     marked = np.zeros(len(faces), dtype=np.bool_)
     if len(faces) < 2:
         return 0, marked
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = box_of(vertices)
     diagonal = float(np.linalg.norm(high - low))
     if diagonal == 0.0:
         return 0, marked
-    corners = ((vertices - (low + high) / 2) / diagonal)[faces]
+    corners = ((vertices - (low + high) / 2) / diagonal).take(faces, axis=0)
     # neighbours along the curve lie near each other, so that boxes around runs of them are small
     middles = corners[:, 0] + corners[:, 1] + corners[:, 2]
-    order = morton_order(((middles - middles.min(axis=0)) * (CURVE / 6)).astype(np.int64))
+    order = morton_order(((middles - box_of(middles)[0]) * (CURVE / 6)).astype(np.int64))
     hit = np.zeros(len(faces), dtype=np.bool_)
-    count = int(_count_crossings(corners[order], faces[order], DEPTH, hit))
+    count = int(_count_crossings(corners.take(order, axis=0), faces.take(order, axis=0), DEPTH, hit))
     marked[order] = hit
     return count, marked
 
 
 @kernel
 def _count_crossings(triangles, faces, depth, hit):  # type: ignore[no-untyped-def]
-    """Count the pairs of triangles that cross, and mark these.
+    """Count the pairs of triangles that cross, and mark these; coordinates are at most 1 apart.
 
     Boxes around the triangles form a heap, as in `TriangleTree`. Pairs of boxes that meet are divided.
     """
-    leaves = 1
+    leaves = 2
     while leaves < len(triangles):
         leaves *= 2
-    boxes = _heap_of_boxes(triangles, leaves)
+    boxes, planes = _heap_of_boxes(triangles, leaves), _planes(triangles, depth)
     stack, count, top = np.zeros((2 * STACK, 2), dtype=np.int64), 0, 1
     while top > 0:
         top -= 1
         a, b = stack[top, 0], stack[top, 1]
-        if not _boxes_meet(boxes[a], boxes[b]):
-            continue
-        if a < leaves - 1:
-            for one in range(2 * a + 1, 2 * a + 3):
-                for two in range(max(2 * b + 1, one), 2 * b + 3):
-                    stack[top, 0], stack[top, 1] = one, two
-                    top += 1
-            continue
-        i, j = a - leaves + 1, b - leaves + 1
-        if i != j and _shared(faces, i, j) < 2 and is_crossing(triangles[i], triangles[j], depth):
-            count += 1
-            hit[i] = hit[j] = True
+        for child in range(4):
+            one, two = 2 * a + 1 + (child >> 1), 2 * b + 1 + (child & 1)
+            if one > two or not _boxes_meet(boxes[one], boxes[two]):
+                continue
+            if one < leaves - 1:
+                stack[top, 0], stack[top, 1] = one, two
+                top += 1
+                continue
+            i, j = one - leaves + 1, two - leaves + 1
+            # most neighbours lie on one side of the plane of one of them
+            if i == j or _is_beside(triangles, planes, i, j) or _is_beside(triangles, planes, j, i):
+                continue
+            if _shared(faces, i, j) < 2 and is_crossing(triangles[i], triangles[j], depth):
+                count += 1
+                hit[i] = hit[j] = True
     return count
+
+
+@kernel
+def _planes(triangles, depth):  # type: ignore[no-untyped-def]
+    """Return the normals of triangles, of any length, and the largest product of them with a point that is not beyond
+    the plane; it is below all products where rounding of the normal would outweigh the depth.
+    """
+    planes = np.empty((len(triangles), 4))
+    for t in range(len(triangles)):
+        e, f = _edge(triangles[t], 0), _edge(triangles[t], 1)
+        normal = cross(e, f)
+        planes[t, 0], planes[t, 1], planes[t, 2] = normal
+        limit = depth * math.sqrt(dot(normal, normal))
+        planes[t, 3] = limit if 1e-14 * math.sqrt(dot(e, e) * dot(f, f)) < limit else -math.inf
+    return planes
+
+
+@bare_kernel
+def _is_beside(triangles, planes, i, j):  # type: ignore[no-untyped-def]
+    """Return whether triangle j lies on one side of the plane of triangle i, but for the depth."""
+    low, high = math.inf, -math.inf
+    for k in range(3):
+        along = 0.0
+        for axis in range(3):
+            along += planes[i, axis] * (triangles[j, k, axis] - triangles[i, 0, axis])
+        low, high = min(low, along), max(high, along)
+    return min(-low, high) <= planes[i, 3]
 
 
 @kernel
@@ -112,7 +142,7 @@ def _boxes_meet(one, two):  # type: ignore[no-untyped-def]
     """Return whether two boxes have a point in common."""
     meet = True
     for axis in range(3):
-        meet &= one[0, axis] <= two[1, axis] and two[0, axis] <= one[1, axis]
+        meet &= (one[0, axis] <= two[1, axis]) & (two[0, axis] <= one[1, axis])
     return meet
 
 

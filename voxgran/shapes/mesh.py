@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers, read_only
+from voxgran._base.arrays import Floats, Integers, box_of, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -116,7 +116,7 @@ class Triangles:
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper corner."""
-        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return box_of(self.vertices)
 
     @cached_property
     def areas(self) -> Floats:
@@ -163,9 +163,9 @@ class Mesh(Triangles):
 
         The central point preserves digits if the mesh is far from the origin.
         """
-        middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+        middle = np.mean(box_of(self.vertices), axis=0)
         points = self.vertices - middle
-        a, b, c = corners = [points[self.corners[:, k]] for k in range(3)]
+        a, b, c = corners = [points.take(self.corners[:, k], axis=0) for k in range(3)]
         return middle, corners, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
 
     @cached_property

@@ -3,6 +3,8 @@
 The nesting follows from the winding numbers of the other shells about a point of each shell.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
@@ -15,12 +17,18 @@ FLAT = 1e-12
 #: how far below a triangle a point of its shell is taken, in edges of a square of twice its area
 BELOW = 1e-6
 
+Edges: TypeAlias = tuple[Integers, Integers, Integers, Integers, Integers]
+
 
 def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
     """Return start, end, number of the undirected edge, and uses of that edge for the 3 m half-edges."""
+    return numbered_edges(faces, vertex_count)[:4]
+
+
+def numbered_edges(faces: Integers, vertex_count: int) -> Edges:
+    """Return start, end, number of the undirected edge, uses of that edge, and the half-edges by those numbers."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    edge, uses, _ = _numbered(start, end, vertex_count)
-    return start, end, edge, uses
+    return start, end, *_numbered(start, end, vertex_count)
 
 
 @kernel
@@ -63,19 +71,18 @@ def without_unused(points: Floats, faces: Integers) -> tuple[Floats, Integers]:
     return points[used], (np.cumsum(used) - 1)[faces]
 
 
-def edge_faults(faces: Integers, vertex_count: int) -> Integers:
+def edge_faults(faces: Integers, vertex_count: int, edges: Edges | None = None) -> Integers:
     """Return the numbers of open edges, of non-manifold edges, and of edges with inconsistently oriented faces."""
-    start, end, edge, uses = half_edges(faces, vertex_count)
+    start, end, edge, uses, _ = edges or numbered_edges(faces, vertex_count)
     point = np.unique(edge[start == end])
     balance = np.bincount(edge, weights=np.sign(end - start), minlength=len(uses))
     unlike = (uses == 2) & (balance != 0)
     return np.array([(uses == 1).sum(), ((uses > 2).sum() + len(point)), unlike.sum()], dtype=np.int64)
 
 
-def face_pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
+def face_pairs(faces: Integers, vertex_count: int, edges: Edges | None = None) -> tuple[Integers, Integers, Integers]:
     """Return the two faces of each edge that has two, and whether their orientations disagree."""
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    edge, uses, order = _numbered(start, end, vertex_count)
+    start, end, edge, uses, order = edges or numbered_edges(faces, vertex_count)
     chosen = order[(uses[edge[order]] == 2) & (start != end)[order]].reshape(-1, 2)
     unlike = (start[chosen[:, 0]] == start[chosen[:, 1]]).astype(np.int64)
     return chosen[:, 0] // 3, chosen[:, 1] // 3, unlike
@@ -113,28 +120,28 @@ def count_apart(points: Floats, faces: Integers) -> int:
     return int((within.sum(axis=1) == 1).sum())
 
 
-def shell_labels(points: Floats, faces: Integers) -> Integers:
+def shell_labels(points: Floats, faces: Integers, edges: Edges | None = None) -> Integers:
     """Return the number of the shell of each face; faces that share an edge lie in one shell."""
-    one, two, _ = face_pairs(faces, len(points))
+    one, two, _ = face_pairs(faces, len(points), edges)
     return components(len(faces), one, two)
 
 
-def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:
-    """Sort the shells of a closed surface into bodies, cavities and faults."""
-    label = shell_labels(points, faces)
+def shell_counts(points: Floats, faces: Integers, edges: Edges) -> dict[str, int]:
+    """Sort the shells of a closed surface, with the edges of its faces, into bodies, cavities and faults."""
+    label = shell_labels(points, faces, edges)
     order = np.argsort(label, kind="stable")
-    triangles, bounds = points[faces[order]], np.searchsorted(label[order], np.arange(label.max() + 2))
+    triangles = points.take(faces[order], axis=0)
+    bounds = np.searchsorted(label[order], np.arange(label.max() + 2))
     a, b, c = np.moveaxis(triangles, 1, 0)
     normals = np.cross(b - a, c - a)
     middles = np.add.reduceat(a, bounds[:-1]) / np.diff(bounds)[:, None]
-    p, q, r = (corner - np.repeat(middles, np.diff(bounds), axis=0) for corner in (a, b, c))
-    volumes = np.add.reduceat(np.einsum("fi,fi->f", p, np.cross(q, r)) / 6, bounds[:-1])
-    areas = np.linalg.norm(normals, axis=1) / 2
+    sixfold = np.einsum("fi,fi->f", a - np.repeat(middles, np.diff(bounds), axis=0), normals)
+    volumes = np.add.reduceat(sixfold, bounds[:-1]) / 6
+    areas = np.sqrt(np.einsum("fi,fi->f", normals, normals)) / 2
     flat = np.abs(volumes) <= FLAT * np.add.reduceat(areas, bounds[:-1])
     solid = np.flatnonzero(~flat)
     around = np.zeros(len(volumes), dtype=np.int64)
-    low = np.minimum.reduceat(triangles.min(axis=1), bounds[:-1])
-    high = np.maximum.reduceat(triangles.max(axis=1), bounds[:-1])
+    low, high = (f.reduceat(f(f(a, b), c), bounds[:-1]) for f in (np.minimum, np.maximum)) if len(solid) > 1 else (a, a)
     for s in solid.tolist() if len(solid) > 1 else []:
         largest = bounds[s] + int(areas[bounds[s] : bounds[s + 1]].argmax())
         point = inner_point(triangles[largest], float(volumes[s]))

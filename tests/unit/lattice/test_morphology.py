@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.lattice import thickness
 
 RADII = [0.0, 1.0, np.sqrt(2), 1.9, np.sqrt(5), 3.0, 4.4]
 AROUND = (True, True, True)
@@ -103,6 +104,12 @@ def test_local_thickness_of_wide_rooms(shape, periodic):
     assert np.allclose(vg.local_thickness(mask, periodic=periodic or False), expected, rtol=1e-6)
 
 
+def test_local_thickness_has_the_same_bits_in_double_precision(mask, monkeypatch):
+    expected = vg.local_thickness(mask)
+    monkeypatch.setattr(thickness, "SINGLE", 0)
+    assert np.array_equal(vg.local_thickness(mask), expected)
+
+
 def test_local_thickness_of_periodic_images():
     mask = stream(7, "noise").random((9, 8, 10)) < 0.98
     tiled = vg.local_thickness(np.tile(mask, (3, 3, 3)))
@@ -115,8 +122,8 @@ def test_local_thickness_of_what_is_known():
     assert set(np.unique(vg.local_thickness(slab)[slab])) == {6.0}
     x = np.indices((40, 40, 40)) - 19.5
     sphere_of_15 = (x**2).sum(axis=0) < 15**2
-    thickness = vg.local_thickness(sphere_of_15)
+    widths = vg.local_thickness(sphere_of_15)
     # its center lies between voxels: spheres about centers are a little smaller
-    assert 28 < np.median(thickness[sphere_of_15]) <= 30
+    assert 28 < np.median(widths[sphere_of_15]) <= 30
     with pytest.raises(InputError, match="no free voxel"):
         vg.local_thickness(np.ones((3, 3, 3), dtype=bool))

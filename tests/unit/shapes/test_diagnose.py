@@ -214,6 +214,17 @@ def test_count_agrees_with_all_pairs():
     assert count_crossings(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3)) == expected
 
 
+@pytest.mark.parametrize("thin", [1e-3, 1e-8, 1e-13, 0.0])
+def test_count_of_needles_agrees_with_all_pairs(thin):
+    corners = stream(4, "soup").random((60, 1, 3)) + 0.5 * stream(5, "soup").standard_normal((60, 3, 3))
+    corners[::2, 2] = corners[::2, 1] + thin * (corners[::2, 2] - corners[::2, 1])
+    corners -= (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
+    corners /= np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))
+    expected = sum(is_crossing(corners[i], corners[j], DEPTH) for i in range(60) for j in range(i))
+    assert expected > 10
+    assert count_crossings(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3)) == expected
+
+
 def test_merging_makes_equal_corners_one_and_keeps_the_order():
     vertices, faces = BALL
     soup = vertices[faces].reshape(-1, 3)

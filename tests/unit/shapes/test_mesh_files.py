@@ -41,7 +41,7 @@ def off_text(faces, vertices=VERTICES):
 
 def ply_header(order, count, faces, *, kind="double", extra=""):
     return (
-        f"ply\nformat {order} 1.0\ncomment made for a test\nelement vertex {count}\n"
+        f"ply\nformat {order} 1.0\ncomment end_header is a word of a test\nelement vertex {count}\n"
         + "".join(f"property {kind} {axis}\n" for axis in "xyz")
         + f"{extra}element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
     )

@@ -198,9 +198,10 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     if not isinstance(lists, tuple):
         raise FileFormatError(f"{name} gives one corner for each face: a list is needed; write it again")
     try:
-        return ply_columns(found, "xyz", name), _whole(lists[0]), lists[1]
+        corners = _whole(lists[0])
     except ValueError as error:
         raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
+    return ply_columns(found, "xyz", name), corners, lists[1]
 
 
 def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, Column]]:
@@ -244,9 +245,11 @@ def ply_columns(found: dict[str, dict[str, Column]], keys: Sequence[str], name: 
 
 def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
     """Return byte order ("" for text), elements, and the data after the header."""
-    head, mark, body = raw.partition(b"end_header")
+    # comments may hold the word too
+    mark = re.search(rb"[\r\n]end_header[ \t]*(\r\n|[\r\n]|$)", raw)
+    head, body = (raw[: mark.start()], raw[mark.end() :]) if mark else (raw, b"")
     lines = head.decode("ascii", errors="replace").splitlines()
-    if not mark or not lines or lines[0].strip() != "ply":
+    if mark is None or not lines or lines[0].strip() != "ply":
         raise ValueError("its header is not whole")
     order, elements = None, []
     for words in (line.split() for line in lines[1:]):
@@ -264,7 +267,7 @@ def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
         if element.count < 0 or (element.count and not element.properties):
             many = len(element.properties)
             raise ValueError(f"its header counts {element.count} {element.name[:40]} of {many} properties")
-    return order, elements, body[2:] if body.startswith(b"\r\n") else body[1:]
+    return order, elements, body
 
 
 def _ply_records(body: bytes, elements: list[_Element], order: str) -> Iterator[dict[str, Column]]:

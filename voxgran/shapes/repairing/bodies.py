@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.shells import FLAT, inner_point, shell_labels, without_unused
 from voxgran.shapes.winding import winding_numbers
@@ -29,16 +29,16 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
     """Return the shells of a closed surface and which lies in which, whatever the orientation of their faces."""
     label = shell_labels(points, faces)
     count = int(label.max(initial=-1)) + 1
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    triangles = points[faces] - middle
+    triangles = (points - np.mean(box_of(points), axis=0)).take(faces, axis=0)
     sixth = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
     volume = np.bincount(label, weights=sixth, minlength=count).astype(np.float64)
     within = np.zeros((count, count), dtype=np.bool_)
+    if count < 2:
+        return Shells(label, volume, within)
     parts = [triangles[label == s] for s in range(count)]
-    low, high = (np.array([f(part, axis=(0, 1)) for part in parts]).reshape(-1, 3) for f in (np.min, np.max))
+    low, high = np.swapaxes([box_of(part.reshape(-1, 3)) for part in parts], 0, 1)
     largest = [int(areas_of(part).argmax()) for part in parts]
     inner = np.array([inner_point(part[k], v) for part, k, v in zip(parts, largest, volume.tolist(), strict=True)])
-    inner = inner.reshape(-1, 3)
     for t, part in enumerate(parts):
         reached = np.flatnonzero(((low[t] <= inner) & (inner <= high[t])).all(axis=1))
         reached = reached[reached != t]
@@ -50,7 +50,7 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
 def without_flat(points: Floats, faces: Integers) -> tuple[Integers, int]:
     """Leave out shells that enclose nothing; return the faces that are left and how many shells went."""
     shells = shells_of(points, faces)
-    diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    diagonal = float(np.linalg.norm(np.subtract(*box_of(points))))
     flat = np.abs(shells.volume) <= FLAT * diagonal * np.bincount(shells.label, weights=areas_of(points[faces]))
     return faces[~flat[shells.label]], int(flat.sum())
 

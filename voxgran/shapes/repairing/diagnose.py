@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_faces, float_array
+from voxgran._base.arrays import Floats, Integers, as_faces, box_of, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.crossing import count_crossings
 from voxgran.lattice.label import components
-from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts, without_unused
+from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, numbered_edges, shell_counts, without_unused
 
 #: vertices nearer than this many diagonals of the bounding box are one
 WELD = 1e-12
@@ -268,9 +268,10 @@ def _bit_equal(points):  # type: ignore[no-untyped-def]
 
 def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     """Return the first of each set of points nearer than `weld`, and the set of each; None where all are apart."""
-    size = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    low, high = box_of(points)
+    size = float(np.linalg.norm(high - low))
     # points that are near each other follow each other closely along any direction, apart from rounding
-    along = (points - points.min(axis=0)) @ ALONG
+    along = (points - low) @ ALONG
     order = np.argsort(along)
     close = np.diff(along[order]) <= weld * size + 1e-15 * size
     some = order[np.append(close, False) | np.append(False, close)]
@@ -304,15 +305,16 @@ def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:
     """
     if not len(faces):
         return Diagnosis(faces=0)
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = box_of(vertices)
     size = float(np.linalg.norm(high - low)) or 1.0
     points = (vertices - (low + high) / 2) / size
-    open_edges, crowded, unlike = (int(n) for n in edge_faults(faces, len(points)))
+    edges = numbered_edges(faces, len(points))
+    open_edges, crowded, unlike = (int(n) for n in edge_faults(faces, len(points), edges))
     if not whole and (open_edges or crowded):
         return Diagnosis(faces=len(faces), open_edges=open_edges, non_manifold_edges=crowded)
     shells: dict[str, int] = {}
     if not (open_edges or crowded):
-        shells = {"bodies": count_apart(points, faces)} if unlike else shell_counts(points, faces)
+        shells = {"bodies": count_apart(points, faces)} if unlike else shell_counts(points, faces, edges)
     return Diagnosis(
         faces=len(faces),
         open_edges=open_edges,

@@ -21,9 +21,7 @@ def one_sided(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
     """Leave out one side of the parts of a surface of which each face is there both ways round; also return the number
     of faces left out.
     """
-    corners = np.sort(faces, axis=1)
-    _, first, index, counts = np.unique(corners, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    index = index.reshape(-1)
+    first, index, counts = _distinct(faces, vertex_count)
     odd = (faces[:, 0] < faces[:, 1]) ^ (faces[:, 1] < faces[:, 2]) ^ (faces[:, 0] < faces[:, 2])
     even = np.bincount(index, weights=np.where(odd, 1.0, -1.0)) == 0
     label = components(vertex_count, faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())[faces[:, 0]]
@@ -34,18 +32,23 @@ def one_sided(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
     return faces[kept], int((~kept).sum())
 
 
-def without_doubles(faces: Integers) -> tuple[Integers, int, int]:
+def _distinct(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
+    """Return the first of each set of faces with the same corners, the set of each face, and the sizes of the sets."""
+    a, b, c = np.sort(faces, axis=1).T
+    pair = np.unique(a * vertex_count + b, return_inverse=True)[1]
+    return np.unique(pair * vertex_count + c, return_index=True, return_inverse=True, return_counts=True)[1:]
+
+
+def without_doubles(faces: Integers, vertex_count: int) -> tuple[Integers, int, int]:
     """Leave out faces that stand twice; two that lie on each other turned over enclose nothing, and both are left out.
 
     The numbers of faces left out for the first and for the second reason are returned too.
     """
-    corners = np.sort(faces, axis=1)
     even = np.array([0, 1, 2])
     turn = np.argsort(faces, axis=1, kind="stable")
     # an odd order of the corners is the reverse of the sorted face
     odd = (turn != (even + turn[:, :1]) % 3).any(axis=1)
-    _, index, counts = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
-    index = index.reshape(-1)
+    _, index, counts = _distinct(faces, vertex_count)
     reverse = np.bincount(index, weights=odd, minlength=len(counts)).astype(np.int64)
     empty = 2 * reverse == counts
     # of several the first one that is wound as most of them are

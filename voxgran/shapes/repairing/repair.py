@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
+from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points, box_of
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.geometry.crossing import crossing_faces
@@ -231,7 +231,7 @@ def _cleared(points: Floats, faces: Integers, done: list[str]) -> Integers:
     """Leave out faces that are no part of the surface of a solid, and wind the others alike."""
     line = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     _say(done, int(line.sum()), "left out {} faces without area")
-    faces, doubles, empty = without_doubles(faces[~line])
+    faces, doubles, empty = without_doubles(faces[~line], len(points))
     _say(done, doubles, "left out {} faces that stand twice")
     _say(done, empty, "left out {} faces that lie on their own reverse")
     faces, patches, hanging = without_flaps(points, faces)
@@ -313,7 +313,8 @@ def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, I
     """Join shells that overlap, or that lie in others and point outward."""
     shells = shells_of(points, faces)
     inner = (shells.volume > 0) & (shells.level % 2 == 1)
-    if not inner.any() and not crossing_faces(points, faces).any():
+    # faces of one shell that cross have been cut out
+    if len(inner) < 2 or (not inner.any() and not crossing_faces(points, faces).any()):
         return points, faces
     if (shells.volume < 0).any():
         raise DirtyMeshError(
@@ -350,7 +351,7 @@ def _say(done: list[str], count: int, text: str) -> None:
 
 def _diagonal(points: Floats) -> float:
     """Return the diagonal of the bounding box."""
-    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    return float(np.linalg.norm(np.subtract(*box_of(points))))
 
 
 def _enclosed(points: Floats, faces: Integers) -> float:
@@ -358,7 +359,7 @@ def _enclosed(points: Floats, faces: Integers) -> float:
     label = shell_labels(points, faces)
     total, parts = 0.0, [points[faces[label == k]] for k in range(int(label.max(initial=-1)) + 1)]
     signed = [_signed(part) for part in parts]
-    low, high = ([f(part, axis=(0, 1)) for part in parts] for f in (np.min, np.max))
+    low, high = np.reshape([box_of(part.reshape(-1, 3)) for part in parts], (-1, 2, 3)).swapaxes(0, 1)
     for k, volume in enumerate(signed):
         around = [t for t in range(len(parts)) if t != k and (low[t] < low[k]).all() and (high[t] > high[k]).all()]
         total += volume * np.sign(signed[around[0]]) if around else abs(volume)
