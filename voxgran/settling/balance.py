@@ -47,7 +47,7 @@ class LoadedContacts(NamedTuple):
     """Contacts of bodies under gravity, in a container that may be pressed.
 
     row: (m, 16) rows of the contacts.  i, j: (m,) their bodies; j is negative at a wall, and n at the lid.
-    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) acceleration.  cell: how the container deforms;
+    bodies: (n + 1, 8) rows of the grains and of the lid, or 11 columns where slender grains roll.  gravity: (3,) acceleration.  cell: how the container deforms;
     then there is no lid.
     """
 
@@ -62,8 +62,8 @@ class LoadedContacts(NamedTuple):
 class Sweeps(NamedTuple):
     """Arrays that the sweeps use.
 
-    contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: (n + 1,
-    8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) of the iteration
+    contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: rows of
+    bodies with accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) of the iteration
     before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
     iteration before and of the forces, and by how much bodies turn back.  pace: the numbers t and momentum.
     """
@@ -114,8 +114,8 @@ def gauss_seidel_forces(
     rounds = rounds_of(contacts.i, contacts.j, count, shared=len(contacts.cell.mobility) > 0)
     rows, work = rounds.rows, np.empty((len(contacts.i), WORK))
     fill_work(contacts, forces, openness, skin, np.ones(count), rows, work)
-    accelerations, state, ahead = net_accelerations(contacts, forces), np.empty((count, 8)), np.empty((count, 6))
-    state[:, :6], state[:, 6:] = accelerations, contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
+    accelerations, state, ahead = net_accelerations(contacts, forces), contacts.bodies.copy(), np.empty((count, 6))
+    state[:, :6] = accelerations
     rub = np.array(friction, dtype=np.float64, ndmin=1)
     visited = contacts._replace(i=contacts.i[rows], j=contacts.j[rows])
     sums, pace = np.zeros((len(rounds.ends) - 1, 3)), np.array([1.0, 0.0])
@@ -139,15 +139,13 @@ def fill_work(
     for q in range(len(work)):
         k = rows[q]
         c, w, one, other = contacts.row[k], work[q], contacts.i[k], contacts.j[k]
-        coupled = share[one] > 1.0
-        normal, across = effective_at(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
+        normal, across = effective_at(c, 3, bodies[one], share[one])
         if other == last:
             cosine = c[0] * gravity[0] + c[1] * gravity[1] + c[2] * gravity[2]
-            normal += share[last] * bodies[last, 6] * (abs(cosine) if coupled else cosine * cosine)
+            normal += share[last] * bodies[last, 6] * (abs(cosine) if share[one] > 1.0 else cosine * cosine)
             across += share[last] * bodies[last, 6] * math.sqrt(max(1.0 - cosine * cosine, 0.0))
         elif other >= 0:
-            coupled = share[other] > 1.0
-            more = effective_at(c, 6, share[other] * bodies[other, 6], share[other] * bodies[other, 7], coupled)
+            more = effective_at(c, 6, bodies[other], share[other])
             normal, across = normal + more[0], across + more[1]
             if other == one:
                 # of a grain and its own image, whose arms point opposite ways

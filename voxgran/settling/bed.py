@@ -38,7 +38,7 @@ from voxgran.geometry.morton import layered_order
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
-from voxgran.settling.impulses import bodies_of, move_bodies, write_matrices
+from voxgran.settling.impulses import bodies_of, move_bodies, rolls_of, write_matrices
 from voxgran.settling.materials import FrictionTable
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
@@ -101,6 +101,7 @@ class Bed:
         self.density: Floats = assembly.relative_densities[order]
         self.fixed: Booleans | None = None if assembly.fixed is None else assembly.fixed[order]
         self.bodies, self.motion = bodies_of(assembly, order, lid_weight), np.zeros((n + 1, 6))
+        self.rolls = rolls_of(assembly.shapes)
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
         self.rows = no_rows(8 * n + 64)

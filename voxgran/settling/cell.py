@@ -28,8 +28,9 @@ class Cell(NamedTuple):
     load: Floats
 
 
-#: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
-INVERSE_MASS, INVERSE_MOMENT = 6, 7
+#: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia, and, where rows go
+#: on, the vector along the axis of a slender grain whose square is what the inverse moment about the axis has more
+INVERSE_MASS, INVERSE_MOMENT, ROLL = 6, 7, 8
 #: no force
 NONE = (0.0, 0.0, 0.0)
 #: a container that does not deform
@@ -90,10 +91,14 @@ def effective_cell(mobility: Floats, normal: Vector, branch: Vector) -> tuple[fl
 
 
 @inlined_kernel
-def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-untyped-def]
-    """Add to an acceleration what a force does at an arm."""
-    body[0], body[1], body[2] = along(vector_at(body, 0), inverse_mass, force)
-    body[3], body[4], body[5] = along(vector_at(body, 3), inverse_moment, cross(arm, force))
+def _add(body, b, sign, arm, force):  # type: ignore[no-untyped-def]
+    """Add to an acceleration what a force does at an arm of a body with the row b, or what the opposite one does."""
+    turn = cross(arm, force)
+    body[0], body[1], body[2] = along(vector_at(body, 0), sign * b[INVERSE_MASS], force)
+    body[3], body[4], body[5] = along(vector_at(body, 3), sign * b[INVERSE_MOMENT], turn)
+    if len(b) > ROLL:
+        roll = vector_at(b, ROLL)
+        body[3], body[4], body[5] = along(vector_at(body, 3), sign * dot(roll, turn), roll)
 
 
 @inlined_kernel
@@ -101,14 +106,13 @@ def add_to_both(
     accelerations: Floats, bodies: Floats, gravity: Floats, c: Floats, one: int, other: int, force: Vector
 ) -> None:
     """Add to the accelerations of both bodies of a contact what a force does; a lid moves along gravity only."""
-    b, last = bodies[one], len(bodies) - 1
-    _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
+    last = len(bodies) - 1
+    _add(accelerations[one], bodies[one], -1.0, vector_at(c, 3), force)
     if other == last:
         axis, lid = vector_at(gravity, 0), accelerations[last]
         lid[0], lid[1], lid[2] = along(vector_at(lid, 0), bodies[last, 6] * dot(force, axis), axis)
     elif other >= 0:
-        b = bodies[other]
-        _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
+        _add(accelerations[other], bodies[other], 1.0, vector_at(c, 6), force)
 
 
 @bare_kernel
@@ -137,19 +141,27 @@ def add_forces(contacts: Any, forces: Floats, accelerations: Floats) -> None:
 
 
 @bare_kernel
-def effective_at(c: Floats, first: int, mass: float, moment: float, coupled: bool) -> tuple[float, float]:
+def effective_at(c: Floats, first: int, b: Floats, share: float) -> tuple[float, float]:
     """Return the inverse effective masses, along the normal and at most across it, that a body has at an arm.
 
-    coupled: whether they shall bound the whole matrix from above, whose two directions are coupled.
+    b: row of the body.  share: in how many parts its mass is split. Of more than one, they bound the whole matrix from
+    above, whose two directions are coupled.
     """
+    mass, moment = share * b[INVERSE_MASS], share * b[INVERSE_MOMENT]
     x, y, z = c[first], c[first + 1], c[first + 2]
     along = x * c[0] + y * c[1] + z * c[2]
     square = x * x + y * y + z * z
     across = max(square - along * along, 0.0)
-    if coupled:
+    normal, most = across, square
+    if share > 1.0:
         both = abs(along) * math.sqrt(across)
-        return mass + moment * (across + both), mass + moment * max(square, along * along + both)
-    return mass + moment * across, mass + moment * square
+        normal, most = across + both, max(square, along * along + both)
+    normal, most = mass + moment * normal, mass + moment * most
+    if len(b) > ROLL:
+        moved = cross(vector_at(b, ROLL), (x, y, z))
+        all_of_it, along = share * dot(moved, moved), dot(moved, vector_at(c, 0))
+        normal, most = normal + (all_of_it if share > 1.0 else along * along), most + all_of_it
+    return normal, most
 
 
 @inlined_kernel

@@ -10,6 +10,7 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from voxgran.contacts.manifolds.rounds import Rounds, rounds_of
 from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.geometry.vectors import Vector, cross, dot
 from voxgran.settling.materials import FrictionTable
+from voxgran.shapes.model import Shape
 
 #: time step and number of substeps; farthest that a grain moves in a step; distance up to which contacts are found
 STEP, SUBSTEPS, MOST, MARGIN = 0.05, 4, 0.05, 0.08
@@ -37,6 +39,8 @@ LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
 FREE, TAKE_OVER, NOTE, FORTH, MOVE, BACK, GIVE_BACK = range(7)
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
+#: ratio of the mean moment of inertia to the least one from which on a grain is slender
+SLENDER = 4.0
 
 
 class Fall(NamedTuple):
@@ -71,6 +75,17 @@ def bodies_of(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     bodies[:n, 6:][~assembly.movable[order]] = 0.0
     bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
     return bodies
+
+
+def rolls_of(shapes: Sequence[Shape]) -> Floats:
+    """Return vectors (s, 3) along the axes of slender shapes, of which the least moment of inertia is far below the mean.
+
+    The square of a vector is what the inverse of the least moment has more than that of the mean, in the latter.
+    """
+    inertia = [shape.inertia if shape.dimension == 3 else np.eye(3) for shape in shapes]
+    moments, axes = np.linalg.eigh(np.reshape(inertia, (-1, 3, 3)))
+    more = moments.mean(axis=1) / moments[:, 0] - 1.0
+    return np.asarray(np.sqrt(np.where(more > SLENDER - 1.0, more, 0.0))[:, None] * axes[:, :, 0])
 
 
 @bare_kernel

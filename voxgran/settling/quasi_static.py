@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, SURFACE
-from voxgran.settling.balance import gauss_seidel_forces
+from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces
 from voxgran.settling.bed import Bed
+from voxgran.settling.cell import INVERSE_MOMENT
 from voxgran.settling.materials import FrictionTable
 
 #: compression of a contact by a force of one weight, in median diameters; a lid does not compress contacts more
@@ -74,11 +75,20 @@ def quasi_static_step(
     forces, square = bed.forces(), step * step
     skin = SOFTNESS / (bed.load * square)
     accelerations, _ = gauss_seidel_forces(
-        bed.contacts, forces, bed.gap / square, friction=bed.friction_at(friction), skin=skin, iterations=iterations
+        _rolling(bed), forces, bed.gap / square, friction=bed.friction_at(friction), skin=skin, iterations=iterations
     )
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)
     return bed.mean(np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING)
+
+
+def _rolling(bed: Bed) -> LoadedContacts:
+    """Return the contacts of a bed, in which slender grains turn about their axes as easily as they do."""
+    if not bed.rolls.any():
+        return bed.contacts
+    grains, bodies = bed.grains, bed.bodies
+    roll = np.einsum("nij,nj->ni", grains.matrix, bed.rolls[grains.shape]) * np.sqrt(bodies[:-1, INVERSE_MOMENT, None])
+    return bed.contacts._replace(bodies=np.hstack([bodies, np.vstack([roll, np.zeros(3)])]))
 
 
 def _do_not_turn(bed: Bed) -> None:
