@@ -110,6 +110,9 @@ def _broken_rule(
     entries = list(inspect.signature(function).parameters.values())
     bound = len(entries) > 0 and entries[0].name in ("self", "cls")
     owner = type(arguments[0]) if bound else object
+    if entries and entries[0].name == "self" and function.__name__ != "__init__":
+        # of the class that the caller knows
+        name = f"{owner.__name__}.{function.__name__}"
     entries, given = entries[bound:], arguments[bound:]
     known = [entry.name for entry in entries if entry.kind is not entry.VAR_KEYWORD]
     by_position = [entry.name for entry in entries if entry.kind is entry.POSITIONAL_OR_KEYWORD]

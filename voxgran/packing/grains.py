@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_indices, as_number, check_type, read_only
+from voxgran._base.calls import explained
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.units import NO_UNIT, as_unit
@@ -204,6 +205,7 @@ class GrainSequence(ExplainedAttributes, Assembly):
         values = {name: getattr(self, name, None) for name in names}
         return replace(self, **{name: value[kept] for name, value in values.items() if value is not None})
 
+    @explained(hint="packing.tiled((4, 4, 1))")
     def tiled(self, repeats: "int | Sequence[int]") -> Self:
         """Return a periodic packing repeated beside itself, with its forces, in a container that holds all copies.
 

@@ -86,8 +86,8 @@ def refuse_start(start: Start, grain: int, container: Container) -> None:
     """
     refuse_outside(start, container)
     raise InputError(
-        f"grain {grain} of start finds no place near or above its own: the method needs gaps between grains; give a "
-        "taller container, finer voxels or points, or a looser start"
+        f"grain {grain} of start finds no place near or above its own: the method needs gaps between grains; give "
+        "the container of the start, a taller one, finer voxels or points, or a looser start"
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import CallError, InputError, TooLargeError
 from voxgran.cli import main
 from voxgran.contacts.forces import chain_ends
 from voxgran.report.facts import details
@@ -163,6 +163,8 @@ def test_copies_beyond_the_memory_and_walls_all_around_refuse():
     assert one.tiled(1) == one
     with pytest.raises(TooLargeError, match="343000000: these grains need at least"):
         replace(one, container=vg.Box((8, 8, 8), periodic="xy")).tiled(1000)
+    with pytest.raises(CallError, match=r"^Packing.tiled takes 1 argument .* write packing.tiled\(\(4, 4, 1\)\)$"):
+        one.tiled(2, 2, 1)
 
 
 @pytest.mark.parametrize(
