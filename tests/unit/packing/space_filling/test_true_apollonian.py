@@ -53,6 +53,7 @@ CASES = {
     "polyhedra": (vg.make_shape("convex_polyhedron", seed=1), vg.Sphere(2), {"shift": 1, "largest": 1.5}),
     "clumps": (CLUMP, vg.Box((4, 4, 4), periodic="z"), {"rotate": 3}),
     "unions": (UNION, vg.Box((4, 4, 4), periodic="x"), {}),
+    "unions of a smallest size": (UNION, vg.ClosedMesh(UNION.scaled(5.0)), {"smallest": 0.4, "largest": 1.0}),
 }
 
 
