@@ -47,8 +47,8 @@ class LoadedContacts(NamedTuple):
     """Contacts of bodies under gravity, in a container that may be pressed.
 
     row: (m, 16) rows of the contacts.  i, j: (m,) their bodies; j is negative at a wall, and n at the lid.
-    bodies: (n + 1, 8) rows of the grains and of the lid, or 11 columns where slender grains roll.  gravity: (3,) acceleration.  cell: how the container deforms;
-    then there is no lid.
+    bodies: (n + 1, 8) rows of the grains and of the lid, or 11 columns where slender grains roll.  gravity: (3,)
+    acceleration.  cell: how the container deforms; then there is no lid.
     """
 
     row: Floats
@@ -63,8 +63,8 @@ class Sweeps(NamedTuple):
     """Arrays that the sweeps use.
 
     contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: rows of
-    bodies with accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) of the iteration
-    before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
+    bodies with accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) of the
+    iteration before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
     iteration before and of the forces, and by how much bodies turn back.  pace: the numbers t and momentum.
     """
 

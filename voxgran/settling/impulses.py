@@ -78,9 +78,9 @@ def bodies_of(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
 
 
 def rolls_of(shapes: Sequence[Shape]) -> Floats:
-    """Return vectors (s, 3) along the axes of slender shapes, of which the least moment of inertia is far below the mean.
+    """Return vectors (s, 3) along the axes of slender shapes, with a least moment of inertia far below the mean.
 
-    The square of a vector is what the inverse of the least moment has more than that of the mean, in the latter.
+    The square of a vector is what the inverse of the least moment has beyond that of the mean, over the latter.
     """
     inertia = [shape.inertia if shape.dimension == 3 else np.eye(3) for shape in shapes]
     moments, axes = np.linalg.eigh(np.reshape(inertia, (-1, 3, 3)))

@@ -78,12 +78,26 @@ def pull(bodies):
 
 def twin(row, i, j, bodies, forces):
     inverse = np.repeat(bodies[:, 6:8], 3, axis=1).ravel()
-    return (pull(bodies) + inverse * (matrix_of(row, i, j, bodies).T @ forces.ravel())).reshape(-1, 6)
+    acted = matrix_of(row, i, j, bodies).T @ forces.ravel()
+    found = (pull(bodies) + inverse * acted).reshape(-1, 6)
+    roll, torque = bodies[:, 8:], acted.reshape(-1, 6)[:, 3:]
+    if roll.size:
+        found[:, 3:] += roll * (roll * torque).sum(axis=1)[:, None]
+    return found
 
 
+def slender(bodies):
+    """Return rows of bodies of which some roll about an axis more easily than they turn otherwise."""
+    roll = 4.0 * np.random.default_rng(4).normal(size=(len(bodies), 3))
+    roll[::3] = roll[-1] = 0.0
+    return np.hstack([bodies, roll])
+
+
+@pytest.mark.parametrize("rolls", [False, True])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_accelerations_are_those_of_a_matrix(round_grains):
+def test_accelerations_are_those_of_a_matrix(round_grains, rolls):
     row, i, j, bodies = heap(1, round_grains=round_grains)
+    bodies = slender(bodies) if rolls else bodies
     forces = np.random.default_rng(2).normal(size=(len(i), 3))
     found = net_accelerations(LoadedContacts(row, i, j, bodies, DOWN), forces)
     np.testing.assert_allclose(found, twin(row, i, j, bodies, forces), atol=1e-12)
@@ -242,11 +256,12 @@ def test_patience_ends_a_search_in_which_a_few_bodies_cannot_rest():
     assert made == {None: 320, 32: 48}
 
 
-@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize(("own", "rolls"), [(False, False), (True, False), (True, True)])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_sweeps_end_at_the_law_of_coulomb(round_grains, own):
-    """Of one friction, or one of each contact."""
+def test_sweeps_end_at_the_law_of_coulomb(round_grains, own, rolls):
+    """Of one friction, or one of each contact; also of slender bodies."""
     row, i, j, bodies = heap(8, round_grains=round_grains)
+    bodies = slender(bodies) if rolls else bodies
     friction = np.random.default_rng(3).uniform(0.0, 0.6, len(i)) if own else 0.3
     openness = 0.05 * np.random.default_rng(9).random(len(i))
     forces, skin = np.zeros((len(i), 3)), 1e-3

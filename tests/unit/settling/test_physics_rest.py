@@ -175,6 +175,26 @@ def test_a_quasi_static_step_opens_deep_overlaps_of_a_bed_with_a_lid():
         assert bed.gap.min() > -1e-4
 
 
+@pytest.mark.parametrize("aspect", [5.0, 20.0])
+def test_a_needle_rolls_in_a_quasi_static_step_as_it_does_down_an_incline(aspect):
+    """Its acceleration is g sin(angle) / (1 + I / (m r^2)), with the moment of inertia I about its axis."""
+    rod, turn, angle = vg.shapes.spherocylinder(aspect=aspect), (0.5**0.5, 0.5**0.5, 0, 0), 0.1
+    radius, down = rod.geometry.dimensions[0], np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    bed = normalized_bed(packed(rod, vg.Box((99, 99, 99)), [[50, 50, radius]], orientation=[turn], gravity=down), down)
+    before = bed.grains.position[0, 0]
+    quasi_static_step(bed, 0.5, 0.1, rest=0.0, iterations=500)
+    inertia = np.linalg.eigvalsh(rod.inertia)[0] / (rod.volume * radius**2)
+    assert bed.grains.position[0, 0] - before == pytest.approx(0.1**2 * np.sin(angle) / (1.0 + inertia), rel=1e-3)
+
+
+def test_needles_rest():
+    """With one moment of inertia about all axes those that lean on a wall rolled by 1e-5 diameters in a step."""
+    bed = vg.pack(vg.shapes.spherocylinder(aspect=20), vg.Box((8, 8, 60)), "gravity", count=30, seed=1)
+    assert bed.provenance["settling"]["resting"] == 1.0
+    assert bed.provenance["settling"]["steps"] < 900
+    assert bed.verify().ok
+
+
 def test_cylinders_come_to_rest_below_a_lid():
     """They fall with overlaps of up to 0.2, which steps opened by rotations: in 975 steps, or never."""
     shape, told = vg.make_shape("cylinder"), {"friction": 0.1, "lid": {"weight": 1}}

@@ -122,7 +122,7 @@ def _write_side(search, bodies, at_walls, rows, m, g, side, c, most):  # type: i
     partner = len(grains.position) if side == LID else WALL
     pair = Pair(g, partner, nowhere, first[g], count[g], search.margin + search.rest, search.rest)
     kind = bodies.kind[grains.shape[g]]
-    return write_candidates(rows, m, pair, bodies.found, kept, kind == CYLINDER or kind == CONE)
+    return write_candidates(rows, m, pair, bodies.found, kept, kind in (CYLINDER, CONE))
 
 
 @bare_kernel
