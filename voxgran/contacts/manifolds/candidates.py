@@ -75,12 +75,11 @@ def choose_candidates(found: Floats, c: int, most: int, spread: float) -> int:
 
 
 @bare_kernel
-def write_candidates(rows: ContactRows, m: int, pair: Pair, found: Floats, many: int, rims: bool) -> int:
+def write_candidates(rows: ContactRows, m: int, pair: Pair, found: Floats, many: int) -> int:
     """Write the first candidates as rows; return the next row, or -1 where they do not fit.
 
     A row takes over the impulses of the nearest old row whose normal is alike: a corner may touch two walls at once,
-    with one arm, which does not tell their rows apart. Of solids with rims, no other row is then nearer to the old one:
-    points of a rim beside the lowest one, on which a cylinder lies, have gaps that bear nothing.
+    with one arm, which does not tell their rows apart.
     """
     if m + many > len(rows.row):
         return -1
@@ -95,11 +94,6 @@ def write_candidates(rows: ContactRows, m: int, pair: Pair, found: Floats, many:
             square = dot(way, way)
             if square < best and dot(row_of(rows.old, q), normal) > ALIKE:
                 best, at = square, q
-        for other in range(many if rims and at >= 0 else 0):
-            way = sub(vector_at(rows.old[at], 3), row_of(found, other))
-            if dot(way, way) < best and dot(vector_at(found[other], 3), normal) > ALIKE:
-                at = -1
-                break
         own = Pair(pair.i, pair.j, pair.offset, max(at, 0), 1 if at >= 0 else 0, pair.reach, pair.rest)
         write_contact(rows, m + k, own, normal, arm, other_arm, gap - pair.rest, MATCH)
     return m + many

@@ -136,7 +136,7 @@ def _find(search, bodies, rows, m, begin, end):  # type: ignore[no-untyped-def]
         pairs.bound[p] = least
         spread = min(bodies.spread[grains.shape[i]] * grains.scale[i], bodies.spread[grains.shape[j]] * grains.scale[j])
         kept = choose_candidates(found, kept, MOST, spread)
-        m = write_candidates(rows, m, pair, found, kept, False)
+        m = write_candidates(rows, m, pair, found, kept)
         if m < 0:
             return -1
         pairs.count[p] = kept

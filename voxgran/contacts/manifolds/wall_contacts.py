@@ -9,7 +9,7 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.candidates import choose_candidates, write_candidates
 from voxgran.contacts.manifolds.mesh_wall_contacts import near_mesh
 from voxgran.contacts.manifolds.rows import WALL, ContactRows, Pair, Search
-from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, Lid, WallBodies
+from voxgran.contacts.manifolds.wall_bodies import Lid, WallBodies
 from voxgran.contacts.manifolds.wall_candidates import near_plane, near_round
 from voxgran.containers.kernel_container import MESH, KernelContainer
 from voxgran.geometry.vectors import row_of, vector_at
@@ -121,8 +121,7 @@ def _write_side(search, bodies, at_walls, rows, m, g, side, c, most):  # type: i
     kept = choose_candidates(bodies.found, c, most, bodies.spread[grains.shape[g]] * grains.scale[g])
     partner = len(grains.position) if side == LID else WALL
     pair = Pair(g, partner, nowhere, first[g], count[g], search.margin + search.rest, search.rest)
-    kind = bodies.kind[grains.shape[g]]
-    return write_candidates(rows, m, pair, bodies.found, kept, kind in (CYLINDER, CONE))
+    return write_candidates(rows, m, pair, bodies.found, kept)
 
 
 @bare_kernel
