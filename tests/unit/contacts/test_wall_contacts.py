@@ -240,20 +240,6 @@ def test_a_cylinder_lies_on_two_rims():
     np.testing.assert_allclose(rows[:, 9].min(), 0.01, atol=1e-12)
 
 
-def test_the_lowest_points_of_a_lying_cylinder_keep_their_impulses():
-    """Corners of its rims beside them come before them, with gaps that bear nothing."""
-    turn = product((math.cos(math.pi / 4), math.sin(math.pi / 4), 0.0, 0.0), (math.cos(0.03), 0.0, 0.0, math.sin(0.03)))
-    found = Found(
-        placed(vg.make_shape("cylinder", radius=0.5, height=1.0), vg.Box((10.0,) * 3), (5, 5, 0.51), turn), 0.02
-    )
-    rows = found.of(0).copy()
-    assert len(rows) == 4
-    found.rows.old[:2], found.count[0] = rows[np.argsort(rows[:, 9])[:2]], 2
-    found.rows.old[:2, 10] = 1.0
-    found.find()
-    np.testing.assert_array_equal(found.of(0)[:, 10] > 0.0, rows[:, 9] < 0.01 + 1e-9)
-
-
 def test_of_a_fine_base_the_contacts_are_spread():
     """Of 200 corners of a prism 8 are kept, which hold it on all sides."""
     angle = 2 * math.pi * np.arange(200) / 200
