@@ -4,11 +4,15 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
+from voxgran.contacts.manifolds.rows import MASS, PUSH
 from voxgran.settling.bed import Bed
 from voxgran.settling.impulses import Fall, advance_bodies
 
 #: kinetic energy of a grain, and the share of grains above a speed, in sqrt(g d), below which a bed is slow
 ENERGY, FAST, FEW = 0.05, 0.2, 0.05
+#: residual from which on a grain falls that does not rest while others do, share of grains up to which such ones do,
+#: and for how many steps
+LOOSE, MOST_LOOSE, LOOSE_STEPS = 0.03, 0.2, 20
 #: steps for which a grain is shaken in one direction
 SHAKEN_STEPS = 4
 
@@ -28,6 +32,34 @@ def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) ->
     how = how._replace(friction=np.array(bed.friction_at(how.friction), dtype=np.float64, ndmin=1))
     advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, how.weight * bed.gravity, how, part, approach)
     bed.move(bed.motion, how.most)
+
+
+def let_fall(bed: Bed, residual: Floats, how: Fall) -> Bed:
+    """Let the few grains fall that do not rest, by grids of distances, between all others; return the bed.
+
+    Exact steps move a grain by no more than their short reach of contacts, so that a bed would wait for grains which
+    slide or fall farther. Spheres have no grid, and those of others hold them off: beds with some stay as they are.
+
+    residual: (n,) net forces and torques on the grains, in their weights and radii.
+    """
+    loose = bed.movable & (residual > LOOSE)
+    if not (bed.finders.gridded and 0.0 < bed.mean(loose) < MOST_LOOSE):
+        return bed
+    fallen, old, substep = bed.copy(), bed.grains, how.step / how.substeps
+    fallen.finders, fallen.fixed, fallen.listed = bed.finders.by_grids(), ~loose, False
+    # the room of pairs that exact contacts have parted since would lift their grains again
+    fallen.pairs.room[:] = 0.0
+    fallen.rows.row[: fallen.m, PUSH:MASS] = 0.0
+    fallen.bodies[:, :6] = 0.0
+    fallen.bodies[np.append(~loose, True), 6:] = 0.0
+    for step in range(LOOSE_STEPS):
+        fall_step(fallen, how, substep if step else 0.0)
+    # by how much the pairs of these grains have come nearer to each other is not known any more
+    old.way[loose] += np.linalg.norm(fallen.grains.position - old.position, axis=1)[loose] + 2.0 * old.radius[loose]
+    for name in ("position", "matrix"):
+        getattr(old, name)[:] = getattr(fallen.grains, name)
+    bed.orientation[:], bed.carried = fallen.orientation, np.full(2, np.nan)
+    return bed
 
 
 def stop_falling(bed: Bed, substep: float) -> None:

@@ -58,7 +58,7 @@ FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
 #: triangles
 GRIDS = SolverPreset(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
 ROOMED = SolverPreset(KEPT, 0.024, 5e-3, first=0.1, last=0.1, steps=8)
-TRIANGLES = SolverPreset(KEPT, 5e-3, 4e-3, first=0.1, last=0.05, steps=160, examined=10, reuse=1e-3)
+TRIANGLES = SolverPreset(KEPT, 5e-3, 4e-3, first=0.1, last=0.05, steps=160, examined=10, reuse=4e-3)
 
 
 def quasi_static_step(

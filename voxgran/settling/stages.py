@@ -17,7 +17,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.examination import AFTER_PARTING, CALM, EARLY, EVERY, RESIDUAL, THOROUGH, TRIALS, USUAL, Examined
-from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
+from voxgran.settling.fall import fall_step, is_slow, let_fall, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
@@ -65,8 +65,8 @@ STILL_STEPS = 300
 #: what is different in the fall of single spheres that have grown, whose contacts stay where they are while they turn:
 #: they come to rest in a bed, while heaps that slide would spread farther
 SPHERE_FALL: dict[str, Any] = {"step": 0.0625, "most": 0.0625}
-#: what is different in the fall of meshes that are not convex: their distances are known less well
-SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
+#: what is different in the fall of meshes that are not convex, and of those that have grown: gaps are known less well
+SURFACE_FALL: tuple[dict[str, Any], ...] = {"rest": 2e-3, "margin": 0.05}, {"rest": 2e-3, "margin": 0.05, "most": 0.03}
 #: most rounds in which surfaces are parted, and pairs that are not proven to be separate, for each grain, with which
 #: parting may end: exact contacts part them
 CLOSING_ROUNDS, LEFT_OPEN = 12, 0.2
@@ -128,9 +128,9 @@ class Settler(Examined):
         least, largest = friction_range(self.friction)
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
-        self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if SURFACE in self.bed.finders.kinds else {}))
-        grown = self.bed.spheres and self.small is not None
-        self._falling = self._fall._replace(**SPHERE_FALL) if grown else self._fall
+        grown, surfaces = self.small is not None, SURFACE in self.bed.finders.kinds
+        self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL[int(grown)] if surfaces else {}))
+        self._falling = self._fall._replace(**SPHERE_FALL) if grown and self.bed.spheres else self._fall
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
@@ -343,7 +343,7 @@ class Settler(Examined):
         self._examine(USUAL)
         enough = ENOUGH if preset.examined else CALM
         if preset.examined and progress.moving >= enough and not last:
-            self.bed = bed
+            self.bed = let_fall(bed, progress.residual, self._fall)
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1

@@ -1,5 +1,6 @@
 """Which functions find the contacts of a scene: those for the kinds of grains that it has, and no others."""
 
+import copy
 import math
 from collections.abc import Sequence
 
@@ -125,6 +126,17 @@ class ContactFinders:
     def move_walls(self, container: Container) -> None:
         """Take over a container of the same kind, whose walls have moved."""
         self._walls = kernel_container(container)
+
+    @property
+    def gridded(self) -> bool:
+        """Whether all grains have grids of distances, in a bed of meshes that are not convex: spheres have none."""
+        return SURFACE in self.kinds and bool(self._surfaces.frame[:, 0].all())
+
+    def by_grids(self) -> "ContactFinders":
+        """Return finders of contacts by grids of distances, which remember pairs of meshes on their own."""
+        made = copy.copy(self)
+        made.exact, made._surface_work, made._remembered = False, surface_work(self._surfaces, 0), no_pairs()
+        return made
 
     def forget(self) -> None:
         """Forget all that a search has remembered of pairs of meshes."""
