@@ -317,6 +317,7 @@ def test_shapes_roughness(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "shapes_roughness.png").stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_shapes_harmonics(tmp_path, capsys, monkeypatch):
     text = printed("shapes_harmonics.py", capsys, monkeypatch, str(tmp_path), "2")
     assert "scan        elongation 0.460  flatness 0.983  sphericity 0.829" in text

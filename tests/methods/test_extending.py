@@ -99,6 +99,7 @@ def found(folder):
     return suites_of(folder, USE_OF_RING)
 
 
+@pytest.mark.slow
 def test_the_plugin_works_by_its_entry_point(folder, found):
     check_plugin(found)
     for name in ("bed.vtp", "bed.txt"):

@@ -46,6 +46,7 @@ def rows(quick):
     return [row if row == quick else slow(row) for row in range(5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", rows(3))
 def test_k_mers_in_one_dimension(row):
     values = VALUES["kmers_1d"]
@@ -62,6 +63,7 @@ def test_squares(row):
     check(coverages(rectangle(k, k), plane, 6, turned=False), values["value"][row], values["error"][row])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", rows(1))
 def test_cubes(row):
     values = VALUES["cubes_3d"]
@@ -79,6 +81,7 @@ def test_dimers_in_two_dimensions():
     check(coverages(rectangle(2, 1), plane, 6), value["value"], value["error"])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*pairs of grains")
 def test_dimers_in_three_dimensions():
     value = VALUES["dimers_3d"]

@@ -29,6 +29,7 @@ print(pack(10_000, (20, 20, 60)), (resource.getrusage(resource.RUSAGE_SELF).ru_m
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "container", "voxel_size"),
     [

@@ -727,6 +727,7 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
     assert text.strip().endswith("what is marked <- needs mending")
 
 
+@pytest.mark.slow
 def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("VOXGRAN_CACHE", str(tmp_path))
     monkeypatch.setattr(beforehand, "cache_folder", lambda: tmp_path / "kernels")

@@ -233,6 +233,7 @@ def test_a_shape_that_cannot_be_made_is_said_beside_its_field(desk, monkeypatch)
     assert not made
 
 
+@pytest.mark.slow
 def test_runs_wait_for_each_other_fail_alone_and_leave_the_forms(desk):
     one, two = desk.run(), desk.run()
     desk.queue.poll()

@@ -101,6 +101,7 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     assert desk.run().number == 2
 
 
+@pytest.mark.slow
 def test_a_scan_is_stopped_and_opened_again(pane, tmp_path):
     state, desk = pane.state, pane.test.desk
     state.scan_path, state.scan_voxel_size, state.scan_unit = "scan.npy", "0,5", "mm"

@@ -52,6 +52,7 @@ def test_a_full_ball_has_the_dimension_of_space():
     assert np.log(80_000 / 5_000) / np.log(large / small) == pytest.approx(3, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [slow(2), 3])
 def test_deposits_become_looser_with_height_toward_the_published_solid_fraction(dimension, short):
     rows = layer_rows(dimension)

@@ -44,6 +44,7 @@ def test_the_figure_shows_both_ways(tmp_path):
     assert len(text) > 10_000
 
 
+@pytest.mark.slow
 @pytest.mark.engine
 @pytest.mark.parametrize("grains", ["spheres", slow("hull clumps")])
 def test_beds_at_rest_sink_less_than_others(monkeypatch, grains):

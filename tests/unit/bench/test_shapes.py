@@ -22,6 +22,7 @@ def test_errors_are_small_and_those_of_exact_shapes_are_zero(family, most, monke
     assert (row.faces > 0) == (family != "box")
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(shapes, "COUNT", 2)
     monkeypatch.setattr(shapes, "COMPARED", 1)

@@ -26,6 +26,7 @@ def test_a_closed_loop_ends_where_it_began(case):
     assert not [row for row in wide if row.measure != "mean_radial_peak" or abs(row.ratio) > 2]
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     def rows_of(case):
         return [

@@ -69,6 +69,7 @@ def test_fewer_spheres_than_asked_are_explained(eros):
     assert 0 < clump.count < 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("target", "value", "found"),
     [slow("iou", 0.9, "iou"), slow("surface", 0.08, "surface_max"), ("inertia", 0.05, "inertia")],
@@ -123,6 +124,7 @@ def test_voxels_give_nearly_the_clump_of_the_mesh(eros, fifty, resolution, loss)
     assert errors.iou > fifty.errors.iou - loss
 
 
+@pytest.mark.slow
 def test_a_cavity_stays_a_cavity():
     vertices, faces, _ = unit_box()
     both = np.concatenate([vertices * 2, vertices])
@@ -210,6 +212,7 @@ def test_a_long_rod_is_judged_on_a_coarser_lattice():
     assert errors.iou_uncertainty < 0.05
 
 
+@pytest.mark.slow
 def test_the_volume_is_met_within_limits_of_the_radii():
     cube = vg.make_shape("box")
     assert abs(fit_clump(cube, max_spheres=20, min_radius=0.15).errors.volume) < 1e-3

@@ -67,6 +67,7 @@ def test_inscribed_spheres_do_not_protrude(eros, cube):
         assert clump.errors.iou > 0.75
 
 
+@pytest.mark.slow
 def test_bounding_spheres_cover_the_surface(eros, cube):
     for shape in (eros, cube):
         clump = fit_clump(shape, max_spheres=15, mode="bounding")
@@ -79,6 +80,7 @@ def test_bounding_spheres_cover_the_surface(eros, cube):
         assert gaps_of(np.concatenate([points, shape.vertices]), clump).max() > -0.01 * shape.diameter
 
 
+@pytest.mark.slow
 def test_radii_keep_to_their_limits(eros):
     unit = eros.diameter
     clump = fit_clump(eros, max_spheres=30, min_radius=0.15, max_radius=0.25)

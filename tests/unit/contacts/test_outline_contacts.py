@@ -166,6 +166,7 @@ def test_squares_side_by_side_are_parted_sideways():
         np.testing.assert_allclose(np.sort(pair.of()[:, 4]), [-0.5, 0.5], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corners", [slow(3), slow(4), 5, slow(7)])
 def test_convex_polygons_that_overlap_are_as_deep_as_the_shortest_way_apart(corners):
     """Moved along the normal by their depth they touch, and by no shorter way in 400 directions do they part."""

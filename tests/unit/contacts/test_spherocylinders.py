@@ -67,6 +67,7 @@ def test_rods_side_by_side_and_end_to_end():
         assert find_contacts(pair, 1.0).gap[0] == pytest.approx(gap, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "lid"), [(0.0, None), (0.1, {"weight": 10.0})])
 def test_rods_rest_without_friction_and_below_a_heavy_lid(friction, lid):
     """Meshes of these solids go on rolling from facet to facet."""
@@ -78,6 +79,7 @@ def test_rods_rest_without_friction_and_below_a_heavy_lid(friction, lid):
     assert bed.verify().ok
 
 
+@pytest.mark.slow
 def test_long_rods_with_little_friction_rest():
     """Steps of one length would move some of them to and fro between two poses for ever."""
     bed = vg.pack(vg.shapes.spherocylinder(aspect=5), vg.Box((5, 5, 40)), "gravity", count=60, seed=2, friction=0.05)

@@ -310,6 +310,7 @@ def test_ridges_that_cross_deeply_push_each_other_back(depth):
     assert (rows.row[:m, 2] > 0.0).all()
 
 
+@pytest.mark.slow
 def test_the_curve_in_which_surfaces_cross_leads_out_of_their_overlap():
     """Its direction is that in which the volume of the overlap, by exact booleans, shrinks fastest."""
     generator = np.random.Generator(np.random.Philox(7))

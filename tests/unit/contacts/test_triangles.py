@@ -28,6 +28,7 @@ def tree_of(family, seed=0):
     return make_shape(family, seed=seed).geometry.tree
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reach", [slow(0.02), 0.5, slow(math.inf)])
 def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach, monkeypatch):
     one, other, points = tree_of("solid_union"), tree_of("solid_union", 1), np.zeros(6)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.gjk import Accuracy, new_simplex, search_distance
@@ -63,7 +64,7 @@ def gap_along(one, two, place, normal):
     return np.dot(np.add(support.plain(two, 0.0, *-normal), place), normal) - reach
 
 
-@pytest.mark.parametrize(("search", "close"), [(fast_distance, 2e-5), (exact_distance, 1e-7)])
+@pytest.mark.parametrize(("search", "close"), [(fast_distance, 2e-5), slow(exact_distance, 1e-7)])
 def test_a_distance_is_that_of_two_planes_which_separate_the_solids(search, close):
     simplex, apart = new_simplex(), 0
     for one, two, place in zip(*pairs(), strict=True):

@@ -73,6 +73,7 @@ def test_an_image_without_void_is_one_grain_as_in_memory():
     assert (np.asarray(vg.segment(da.from_array(grey, chunks=4), threshold=100)) == 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("jagged_pictures")
 def test_the_picture_is_that_in_memory(tmp_path):
     grey = grey_image((0.15, 0.15, 0.2), np.uint8)

@@ -104,6 +104,7 @@ def test_local_thickness_of_wide_rooms(shape, periodic):
     assert np.allclose(vg.local_thickness(mask, periodic=periodic or False), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_local_thickness_has_the_same_bits_in_double_precision(mask, monkeypatch):
     expected = vg.local_thickness(mask)
     monkeypatch.setattr(thickness, "SINGLE", 0)

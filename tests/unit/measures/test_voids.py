@@ -126,6 +126,7 @@ def test_the_error_of_the_porosity_holds_for_lattices(spacing, periodic):
     assert abs(float(found) - (1 - math.pi / (6 * spacing**3))) <= float(found.error) * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_pores_of_a_bed_end_at_its_surface():
     packing = vg.pack([SPHERE], vg.Cylinder(2.5, 12.0), "deposition", count=100, seed=0)
     found = voids(packing)

@@ -178,6 +178,7 @@ def test_a_run_settles_and_says_how_the_grains_rest(write, tmp_path):
         vg.Scene.from_toml(write("friction = 0.4", "friction = 0.3")).run(tmp_path / "out", resume=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snapshots", [slow(0), 6])
 def test_an_interrupt_while_grains_settle_changes_no_bits(write, tmp_path, snapshots):
     scene = vg.Scene.from_toml(write("[output]", f"[output]\nsnapshots = {snapshots}"))

@@ -69,6 +69,7 @@ def test_labels_of_convex_grains_are_convex_with_few_faces(kind):
         assert max(len(shape.faces) for shape in without(found, 20)) <= 20
 
 
+@pytest.mark.slow
 def test_labels_of_grains_that_are_not_convex_stay_meshes():
     shapes = [vg.make_shape("torus"), *vg.make_shapes("convex_polyhedron", count=4, seed=2)]
     found = sample_of_labels(shapes, COARSE)
@@ -188,6 +189,7 @@ def torn(edge, seed=3):
     return np.random.default_rng(seed).random((edge,) * 3) < 0.6
 
 
+@pytest.mark.slow
 def test_a_label_that_noise_has_torn_stops_no_twin():
     """It was refused by simplify, and with it the sample of a hundred good grains."""
     round_ = np.linalg.norm(np.indices((9, 9, 9)) - 4.0, axis=0) < 4.4

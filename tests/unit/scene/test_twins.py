@@ -175,6 +175,7 @@ def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_
     assert _known_of(scan, sample_of(row_of(12), 0.6), exact).grains["coordination_number"].tolist() != [1, 1, 0, 0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("edges", "voxel_size", "measure"),
     [

@@ -257,6 +257,7 @@ def test_cubes_that_the_fall_wedged_between_walls_come_free():
     assert bed.provenance["settling"]["steps"] < 700
 
 
+@pytest.mark.slow
 def test_polyhedra_below_a_lid_do_not_jump_between_contact_points():
     # edges of thin faces, and edges beside faces that are nearer to the normal, had one contact point of two
     bed = vg.pack(SHAPES["hulls"](), vg.Box((4, 4, 14)), "gravity", count=50, lid={"weight": 5}, friction=0.0, seed=1)

@@ -152,6 +152,7 @@ def test_a_lid_presses_on_the_bed():
     assert -down[at_walls].sum() == pytest.approx(3.0 * 30, rel=0.02)
 
 
+@pytest.mark.slow
 def test_clumps_come_to_rest_below_a_heavy_lid():
     """Steps as long as without a lid let it overlap the grains anew each time: a fifth of them rested, or none."""
     clump = vg.make_shape("sphere_assembly", seed=1)

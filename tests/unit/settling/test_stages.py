@@ -81,6 +81,7 @@ def test_beds_that_overlap_are_not_remembered(resting):
     assert not settler.progress.best_position.size
 
 
+@pytest.mark.slow
 def test_meshes_go_on_with_the_same_bits():
     """Contacts that are carried along, and what is remembered of pairs, are in a checkpoint or do not change bits."""
     rocks = [vg.make_shape("solid_union", seed=seed) for seed in (1, 2)]

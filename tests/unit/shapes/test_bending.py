@@ -124,6 +124,7 @@ def test_files_keep_that_grains_bend(tmp_path):
         vg.ShapeModel.load(tmp_path / "rings.nc")
 
 
+@pytest.mark.slow
 def test_bent_grains_are_closed_and_do_not_cross_themselves():
     model = vg.learn_shapes(GRAINS, method="bend")
     for grain in model.sample(6):

@@ -15,6 +15,7 @@ def fine_sphere(level=5):
     return vg.Shape.from_mesh(vertices, faces, name="sphere")
 
 
+@pytest.mark.slow
 def test_the_error_of_a_sphere_falls_with_the_number_of_faces():
     """Areas and distances of the best surfaces of n triangles differ by amounts proportional to 1 / n."""
     numbers = np.array([100, 400, 1600])

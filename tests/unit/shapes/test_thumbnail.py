@@ -79,6 +79,7 @@ def test_no_renderer_is_loaded():
     assert out.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_grains_behind_others_are_left_out(monkeypatch):
     """The picture stays the same, and of a deep packing few grains are drawn."""
     position = np.mgrid[:8, :8, :8].reshape(3, -1).T + 0.5

@@ -145,6 +145,7 @@ def ended(numbers):
     return not any(os.path.exists(f"/proc/{number}/exe") for number in numbers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), slow(signal.SIGTERM, 143)])
 def test_a_study_that_is_stopped_says_how_to_go_on(file, tmp_path, capsys, number, status):
     out = tmp_path / "out"

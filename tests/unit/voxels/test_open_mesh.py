@@ -29,6 +29,7 @@ def truth(sphere):
     return (winding_numbers(sphere[0][sphere[1]], centers) > 0.5).reshape(GRID.shape)
 
 
+@pytest.mark.slow
 def test_clean_meshes_are_as_ever(sphere, truth):
     voxels = voxelize_mesh(*sphere, grid=GRID)
     assert np.array_equal(voxels.mask, truth)

@@ -120,6 +120,7 @@ def test_a_half_sphere_and_an_eighth_in_closed_form():
     assert cap.volume == pytest.approx(np.pi * 0.1**2 * (3 * 0.4 - 0.1) / 3, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_unions_of_spheres_state_their_error():
     generator = stream(3, "spheres")
     centers, radii = generator.uniform(-0.6, 0.6, (6, 3)), generator.uniform(0.2, 0.6, 6)

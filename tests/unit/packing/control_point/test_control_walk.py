@@ -310,6 +310,7 @@ def test_containment_is_seen_from_both_sides():
             assert not overlaps_by_points(pairs, g, 1 - g, (0.1, 0.2, 0.3), 0.0)
 
 
+@pytest.mark.slow
 def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
     """A small sphere within a large one that came there in no time: no points of the surfaces are near each other."""
     for contact in ("kdtree",):

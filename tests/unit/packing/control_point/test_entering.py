@@ -62,6 +62,7 @@ def test_every_way_keeps_its_promises(way):
     assert again.provenance["lid_lowered"] == packing.provenance["lid_lowered"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("container", "way"),
     [
@@ -268,6 +269,7 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
     assert ways[0] == ways[1] > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*pairs of grains overlap")
 @pytest.mark.parametrize("way", [slow({"lid": True}), slow({"feed": "layers"}), {"gravity": (0.5, 0.0, -1.0)}], ids=str)
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):

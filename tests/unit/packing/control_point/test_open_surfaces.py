@@ -83,6 +83,7 @@ def test_longer_steps_would():
     assert any(crosses_on_the_way(*move) for move in moves(seed=2, length=12.0, count=40))
 
 
+@pytest.mark.slow
 def test_no_move_of_a_walk_leads_through_a_surface():
     """Each accepted move of a crowded bed, with the longest steps, led straight from pose to pose past all others."""
     settings = {

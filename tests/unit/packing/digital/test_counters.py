@@ -2,6 +2,7 @@
 
 import kit
 import numpy as np
+import pytest
 from scipy.ndimage import binary_dilation, binary_erosion
 
 import voxgran as vg
@@ -87,6 +88,7 @@ def far_from(problem, state, grain, canvas, parts):
     return ~column_words(read).reshape(-1)
 
 
+@pytest.mark.slow
 def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():
     """All other bits of the canvas (far away, inside of grains, the grain's own) are random at each attempt."""
     (problem, state), (_, twin) = walking(), walking()
@@ -110,6 +112,7 @@ def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():
     assert np.array_equal(words, twin.derived["words"])
 
 
+@pytest.mark.slow
 def test_tables_are_asked_of_no_pair_that_is_far_apart(monkeypatch):
     """Grains beyond the reach have random turns at each attempt, and those beyond the next cell stand on the grain."""
     monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)

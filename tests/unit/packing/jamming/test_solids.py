@@ -42,6 +42,7 @@ def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them()
     assert 2 * len(found.i) / 60 == pytest.approx(told["coordination_without_rattlers"], abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "least", "most"), [slow(CUBE, 0.62, 0.85), (OCTAHEDRON, 0.63, 0.72)])
 def test_dice_jam_about_as_dense_as_shaken_ones(shape, least, most):
     packing = jammed(shape, 40, growth_rate=0.1)
@@ -127,6 +128,7 @@ def test_a_run_in_motion_goes_on_from_its_arrays_with_the_same_bits():
     assert dict(whole.counters) == dict(again.counters)
 
 
+@pytest.mark.slow
 def test_positions_do_not_depend_on_the_unit():
     one = jammed(CUBE, 10, growth_rate=0.1)
     # by a power of two: motion at random magnifies what rounding changes

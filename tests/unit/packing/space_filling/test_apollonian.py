@@ -147,6 +147,7 @@ def test_containers_without_a_gasket_are_refused(container, words):
         vg.pack(DISK, container, method="apollonian", count=5)
 
 
+@pytest.mark.slow
 def test_more_grains_than_are_placed_are_refused():
     with pytest.raises(InputError, match="give a larger diameter, or the count"):
         vg.pack(DISK, vg.Disk(1.0), method="apollonian", smallest=2e-5)

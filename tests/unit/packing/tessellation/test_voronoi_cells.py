@@ -213,6 +213,7 @@ def clipped(*planes, faces=20):
     return cell, state, polyhedron.volume_and_center(cell, center), center
 
 
+@pytest.mark.slow
 def test_a_plane_cuts_off_a_corner_of_a_cube():
     cell, state, volume, center = clipped(((1, 1, 1), 2))
     # a tetrahedron with edges 1, 1, 1 at the corner, whose centroid is a quarter of the way
