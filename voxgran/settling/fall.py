@@ -10,8 +10,8 @@ from voxgran.settling.impulses import Fall, advance_bodies
 
 #: kinetic energy of a grain, and the share of grains above a speed, in sqrt(g d), below which a bed is slow
 ENERGY, FAST, FEW = 0.05, 0.2, 0.05
-#: residual from which on a grain falls that does not rest while others do, share of grains up to which such ones do,
-#: and for how many steps
+#: residual from which on a grain that does not rest falls while the others are held, largest share of such grains, and
+#: number of steps for which they fall
 LOOSE, MOST_LOOSE, LOOSE_STEPS = 0.03, 0.2, 20
 #: steps for which a grain is shaken in one direction
 SHAKEN_STEPS = 4
@@ -37,8 +37,9 @@ def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) ->
 def let_fall(bed: Bed, residual: Floats, how: Fall) -> Bed:
     """Let the few grains fall that do not rest, by grids of distances, between all others; return the bed.
 
-    Exact steps move a grain by no more than their short reach of contacts, so that a bed would wait for grains which
-    slide or fall farther. Spheres have no grid, and those of others hold them off: beds with some stay as they are.
+    Exact steps move a grain by no more than their short reach of contacts, so that a bed would wait for grains that
+    slide or fall farther. Spheres have no grid, and the grids of other grains keep them at a distance: a bed with
+    spheres is returned as it is.
 
     residual: (n,) net forces and torques on the grains, in their weights and radii.
     """
@@ -54,7 +55,7 @@ def let_fall(bed: Bed, residual: Floats, how: Fall) -> Bed:
     fallen.bodies[np.append(~loose, True), 6:] = 0.0
     for step in range(LOOSE_STEPS):
         fall_step(fallen, how, substep if step else 0.0)
-    # by how much the pairs of these grains have come nearer to each other is not known any more
+    # the bounds on how far surfaces have moved since the last search do not hold for these grains any more
     old.way[loose] += np.linalg.norm(fallen.grains.position - old.position, axis=1)[loose] + 2.0 * old.radius[loose]
     for name in ("position", "matrix"):
         getattr(old, name)[:] = getattr(fallen.grains, name)

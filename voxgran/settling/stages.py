@@ -65,7 +65,7 @@ STILL_STEPS = 300
 #: what is different in the fall of single spheres that have grown, whose contacts stay where they are while they turn:
 #: they come to rest in a bed, while heaps that slide would spread farther
 SPHERE_FALL: dict[str, Any] = {"step": 0.0625, "most": 0.0625}
-#: what is different in the fall of meshes that are not convex, and of those that have grown: gaps are known less well
+#: what is different in the fall of meshes that are not convex, and of such meshes that have grown: gaps are less exact
 SURFACE_FALL: tuple[dict[str, Any], ...] = {"rest": 2e-3, "margin": 0.05}, {"rest": 2e-3, "margin": 0.05, "most": 0.03}
 #: most rounds in which surfaces are parted, and pairs that are not proven to be separate, for each grain, with which
 #: parting may end: exact contacts part them

@@ -17,6 +17,7 @@ FLAT = 1e-12
 #: how far below a triangle a point of its shell is taken, in edges of a square of twice its area
 BELOW = 1e-6
 
+#: what `numbered_edges` returns
 Edges: TypeAlias = tuple[Integers, Integers, Integers, Integers, Integers]
 
 
@@ -26,7 +27,7 @@ def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, 
 
 
 def numbered_edges(faces: Integers, vertex_count: int) -> Edges:
-    """Return start, end, number of the undirected edge, uses of that edge, and the half-edges by those numbers."""
+    """Return what `half_edges` does, and the half-edges in the order of the numbers of their edges."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     return start, end, *_numbered(start, end, vertex_count)
 

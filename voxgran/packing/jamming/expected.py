@@ -107,7 +107,7 @@ def _of_rods(bytes_of_diameters: bytes, bytes_of_weights: bytes, dimension: int)
     # distances of lines from the center are uniform over the disk, or over the diameter in the plane
     rods = np.sort(cut * np.sqrt(part if dimension == 3 else 1.0 - part**2))[::-1].tolist()
     share = GAP[dimension]
-    # gaps that rods take with them are made in decreasing order; the heap holds the others, with their signs reversed
+    # the gaps beside rods are made in decreasing order; the heap holds what is left of others, with signs reversed
     beside, first = [share * rods[0]], 0
     others: list[float] = []
     for rod in rods[1:]:

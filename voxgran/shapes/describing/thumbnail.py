@@ -68,7 +68,7 @@ def picture(
     colors = np.column_stack([np.interp(share, (0.0, 0.5, 1.0), ramp) for ramp in RAMP.T])
     points, normals, owner = [], [], []
     factor = np.cbrt(np.abs(np.linalg.det(matrices)))
-    # grains of about one size share their samples, so that small ones do not have those of the largest
+    # grains of about one size share their points, so that small grains have fewer points than large ones
     octave = np.floor(np.log2(factor)).astype(np.int64)
     for index, level in np.unique(np.column_stack([body, octave]), axis=0).tolist():
         members = np.flatnonzero((body == index) & (octave == level))
