@@ -42,6 +42,7 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/python tools/same_bits.py
 
 stubs: $(STAMP)   ## the stubs that follow from the parameter classes
 	PYTHONPATH=. $(BIN)/python tools/stubs.py

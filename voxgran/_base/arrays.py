@@ -166,7 +166,7 @@ def as_quaternions(value: "ArrayLike", name: str = "orientation") -> Floats:
     """
     array = as_floats(value, name, shape=(None, 4))
     # the squares of all rows at once take as much memory as a packing of spheres
-    parts = [np.linalg.norm(array[k : k + ROWS], axis=1) for k in range(0, max(len(array), 1), ROWS)]
+    parts = [np.sqrt(np.square(array[k : k + ROWS]).sum(axis=1)) for k in range(0, max(len(array), 1), ROWS)]
     length = np.concatenate(parts)
     if array.size and np.abs(length - 1.0).max() > 1e-6:
         worst = int(np.abs(length - 1.0).argmax())

@@ -8,6 +8,7 @@ what depends on it and nothing else.
 import hashlib
 import logging
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -155,6 +156,11 @@ def _linking() -> Any:
             RuntimeWarning,
         )
         return None
+
+
+def numba_is_loaded() -> bool:
+    """Return whether numba is loaded, which takes longer than a small problem as plain Python."""
+    return "numba" in sys.modules
 
 
 class Instruction(Kernel):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_share
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.lazy import Dataset, load
@@ -80,7 +81,7 @@ def body_bonds(
     order = np.lexsort((j, i))
     i, j = i[order], j[order]
     apart = centers[j] - centers[i]
-    distance = np.linalg.norm(apart, axis=1)
+    distance = linear.norm(apart, axis=1)
     # of spheres with the same center any direction is one between their centers
     normal = np.where(distance[:, None] > 0, apart / np.where(distance > 0, distance, 1.0)[:, None], [1.0, 0.0, 0.0])
     area, along = _circles(radii[i], radii[j], distance)
@@ -91,7 +92,7 @@ def body_bonds(
 
 def _gaps(centers: Floats, radii: Floats, i: Integers, j: Integers) -> Floats:
     """Return the distances of the surfaces of pairs of spheres."""
-    return np.asarray(np.linalg.norm(centers[j] - centers[i], axis=1) - radii[i] - radii[j])
+    return np.asarray(linear.norm(centers[j] - centers[i], axis=1) - radii[i] - radii[j])
 
 
 def _circles(one: Floats, other: Floats, distance: Floats) -> tuple[Floats, Floats]:
@@ -156,14 +157,14 @@ def bonds_of_bodies(
         made = body_bonds(*bodies[k], tolerance=strengths.tolerance, least_area=strengths.least_area)
         added += made.added * len(grain)
         size, first = scale[grain, None], start[grain, None]
-        turned = np.einsum("gij,sj->gsi", matrices[grain], made.point) * size[:, :, None]
+        turned = linear.einsum("gij,sj->gsi", matrices[grain], made.point) * size[:, :, None]
         rows.append(
             (
                 (first + made.first).reshape(-1),
                 (first + made.second).reshape(-1),
                 np.repeat(grain, len(made.first)),
                 (turned + position[grain, None]).reshape(-1, 3),
-                np.einsum("gij,sj->gsi", matrices[grain], made.normal).reshape(-1, 3),
+                linear.einsum("gij,sj->gsi", matrices[grain], made.normal).reshape(-1, 3),
                 (size**2 * made.area).reshape(-1),
                 (size * made.gap).reshape(-1),
             )

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
+from voxgran._base.scalars import cube_root
 from voxgran.clumps.method import Body
 from voxgran.clumps.sphere_sets import SphereSet, union_gaps
 from voxgran.lattice.grid import Grid
@@ -27,7 +29,7 @@ def covering_growth(body: Body, spheres: SphereSet) -> float:
     best = -np.inf
     while len(corners):
         middle = corners.mean(axis=1)
-        reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+        reach = linear.norm(corners - middle[:, None], axis=2).max(axis=1)
         gap = union_gaps(middle, spheres.centers, spheres.radii)[0]
         best = max(best, float(gap.max()))
         corners = _quartered(corners[gap + reach > best + ACCURACY])
@@ -46,7 +48,7 @@ def enclosed_holes(body: Body, spheres: SphereSet) -> Floats:
     """Return the voxels of the solid in holes that the union encloses, (n, 3); cavities of the solid do not count."""
     reach = np.abs(spheres.centers).max(axis=0) + spheres.radii.max()
     # long solids get coarser voxels
-    size = max(1.0 / LATTICE, float(np.cbrt(np.prod(2.0 * reach) / MOST_VOXELS)))
+    size = max(1.0 / LATTICE, cube_root(float(np.prod(2.0 * reach) / MOST_VOXELS)))
     grid = Grid.around(-reach, reach, size)
     empty = ~spheres_bits(spheres.centers, spheres.radii, grid, cover="center").unpacked()
     labels = connected_components(empty, connectivity=6)[0]

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
+from voxgran._base.scalars import cube_root
 from voxgran.clumps.method import Body
 from voxgran.clumps.model import ClumpErrors
 from voxgran.clumps.sphere_sets import union_gaps
@@ -35,13 +37,13 @@ def clump_errors(body: Body, spheres: Spheres) -> ClumpErrors:
     shape = body.shape
     both = shape.volume + spheres.volume
     apart, uncertain = _difference(shape, spheres)
-    inertia = np.linalg.norm(spheres.inertia - shape.inertia) / np.linalg.norm(shape.inertia)
+    inertia = linear.norm(spheres.inertia - shape.inertia) / linear.norm(shape.inertia)
     near = _surface_gaps(body, spheres)
     return ClumpErrors(
         iou=(both - apart) / (both + apart),
         iou_uncertainty=2 * both * uncertain / (both + apart) ** 2,
         volume=spheres.volume / shape.volume - 1,
-        centroid=float(np.linalg.norm(spheres.centroid)),
+        centroid=float(linear.norm(spheres.centroid)),
         inertia=float(inertia),
         surface_mean=float(near.mean()),
         surface_max=float(near.max()),
@@ -57,12 +59,12 @@ def _difference(shape: Shape, spheres: Spheres) -> tuple[float, float]:
     """
     turn = normalized(TURN[None])
     matrix = rotation_matrices(turn)[0]
-    corners = shape.vertices @ matrix.T
-    centers, error = spheres.centers @ matrix.T, shape.tessellation_error
+    corners = linear.matmul(shape.vertices, matrix.T)
+    centers, error = linear.matmul(spheres.centers, matrix.T), shape.tessellation_error
     low = np.minimum(corners.min(axis=0) - error, (centers - spheres.radii[:, None]).min(axis=0))
     high = np.maximum(corners.max(axis=0) + error, (centers + spheres.radii[:, None]).max(axis=0))
     # long solids get coarser voxels
-    size = max(1.0 / RESOLUTION, float(np.cbrt(np.prod(high - low) / MOST_VOXELS)))
+    size = max(1.0 / RESOLUTION, cube_root(float(np.prod(high - low) / MOST_VOXELS)))
     grid, shift = Grid.around(low, high, size, margin=2), SHIFT * size
     union = Spheres(centers + shift, spheres.radii)
     solid = occupied(shape, grid, rotation=turn[0], offset=shift).words
@@ -89,7 +91,7 @@ def _distances_from_union(points: Floats, spheres: Spheres) -> Floats:
     """
     gap, owner = union_gaps(points, spheres.centers, spheres.radii)
     ray = points - spheres.centers[owner]
-    length = np.linalg.norm(ray, axis=1, keepdims=True)
+    length = linear.norm(ray, axis=1, keepdims=True)
     exits = spheres.centers[owner] + ray * (spheres.radii[owner, None] / np.maximum(length, 1e-300))
     bare = _bare(exits, spheres)
     distance, hidden = np.abs(gap), (gap < 0) & ~bare

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -64,7 +65,7 @@ class Body:
         a, b, c = np.moveaxis(corners[face], 1, 0)
         points = (1 - root) * a + root * (1 - pair[:, 1:]) * b + root * pair[:, 1:] * c
         normals = normals_of(corners[face])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals /= linear.norm(normals, axis=1, keepdims=True)
         return SurfacePoints(np.ascontiguousarray(points), normals, total / count)
 
     def depth(self, points: Floats) -> Floats:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -50,12 +51,12 @@ class Groups(NamedTuple):
         """Divide points (n, 3) into groups of nearly equal numbers that lie together."""
         tree = load("scipy.spatial").cKDTree(places, leafsize=TOGETHER)
         # halves of halves are the leaves of the tree
-        parts = 2 ** max(0, int(np.ceil(np.log2(max(1, len(places)) / TOGETHER))))
+        parts = 2 ** max(0, int(np.ceil(libm.log2(max(1, len(places)) / TOGETHER))))
         first = np.linspace(0, len(places), parts + 1).astype(np.int64)
         inside = places[tree.indices]
         low, high = (ufunc.reduceat(inside, first[:-1], axis=0) for ufunc in (np.minimum, np.maximum))
         middle = (low + high) / 2
-        away = np.linalg.norm(inside - np.repeat(middle, np.diff(first), axis=0), axis=1)
+        away = linear.norm(inside - np.repeat(middle, np.diff(first), axis=0), axis=1)
         return cls(tree.indices.astype(np.int64), first, inside, middle, np.maximum.reduceat(away, first[:-1]))
 
 
@@ -199,8 +200,8 @@ def _residuals(points: Points, gap: Floats, rules: Rules) -> tuple[Floats, Float
 def _cost(points: Points, gap: Floats, rules: Rules) -> float:
     """Return what a refinement minimizes."""
     residual, weight = _residuals(points, gap, rules)
-    # not a product of vectors, which BLAS spreads over threads
-    return float((weight * ((residual**2 + rules.width**2) ** (rules.power / 2) - rules.width**rules.power)).sum())
+    costs = libm.power(residual**2 + rules.width**2, rules.power / 2) - rules.width**rules.power
+    return float((weight * costs).sum())
 
 
 def _stepped(
@@ -208,7 +209,7 @@ def _stepped(
 ) -> SphereSet:
     """Return the spheres after one damped step of each."""
     residual, weight = _residuals(points, gap, rules)
-    weight = weight * (residual**2 + rules.width**2) ** (rules.power / 2 - 1)
+    weight = weight * libm.power(residual**2 + rules.width**2, rules.power / 2 - 1)
     matrix, slope = np.zeros((len(spheres), 4, 4)), np.zeros((len(spheres), 4))
     _add_normal_equations(points.places, residual, weight, owner, spheres.centers, matrix, slope)
     size = matrix[:, 3, 3] + 1e-300
@@ -218,11 +219,11 @@ def _stepped(
         common = -slope[:, 3].sum() / matrix[:, 3, 3].sum()
         slope = slope + matrix[:, :, 3] * common
         move = np.zeros((len(spheres), 4))
-        move[:, :3] = np.linalg.solve(matrix[:, :3, :3], -slope[:, :3, None])[:, :, 0]
+        move[:, :3] = linear.solve(matrix[:, :3, :3], -slope[:, :3, None])[:, :, 0]
         move[:, 3] = common
     else:
-        move = np.asarray(np.linalg.solve(matrix, -slope[:, :, None])[:, :, 0])
-    length = np.linalg.norm(move, axis=1, keepdims=True)
+        move = np.asarray(linear.solve(matrix, -slope[:, :, None])[:, :, 0])
+    length = linear.norm(move, axis=1, keepdims=True)
     move *= np.minimum(1.0, step / np.maximum(length, 1e-300))
     if rules.equal:
         move[:, 3] = move[:, 3].mean()

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import (
     Booleans,
     Floats,
@@ -140,7 +141,9 @@ class Assembly:
     @cached_property
     def volumes(self) -> Floats:
         """True volumes of the grains (areas in 2D), (n,)."""
-        return read_only(self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension)
+        return read_only(
+            self._of_shapes([shape.volume for shape in self.shapes]) * libm.power(self.scale, self.dimension)
+        )
 
     @cached_property
     def densities(self) -> Floats:
@@ -176,7 +179,7 @@ class Assembly:
     def surface_areas(self) -> Floats:
         """True surface areas of the grains (perimeters in 2D, of open surfaces that of one side), (n,)."""
         return read_only(
-            self._of_shapes([shape.surface_area for shape in self.shapes]) * self.scale ** (self.dimension - 1)
+            self._of_shapes([shape.surface_area for shape in self.shapes]) * libm.power(self.scale, self.dimension - 1)
         )
 
     @cached_property
@@ -231,7 +234,7 @@ class Assembly:
         """
         as_count(grain, "grain", at_most=len(self.scale) - 1)
         body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
-        return body @ self.matrices[grain].T + self.position[grain]
+        return linear.matmul(body, self.matrices[grain].T) + self.position[grain]
 
     def _of_shapes(self, values: Sequence[float]) -> Floats:
         """Return for each grain the value of its shape."""

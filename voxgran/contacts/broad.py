@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import periods_of
@@ -49,5 +50,5 @@ def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
     i, j, image = near_pairs(
         assembly.position, radii, gap, lower=np.array(assembly.container.bounds[0]), periods=periods
     )
-    offset = assembly.position[j] - assembly.position[i] + image @ periods
+    offset = assembly.position[j] - assembly.position[i] + linear.matmul(image, periods)
     return Pairs(i, j, image, offset)

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_number
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.progress import OnStep, Step, silent
@@ -146,7 +147,7 @@ def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[F
     """
     back = assembly.matrices[i].T
     ratio = assembly.scale[j] / assembly.scale[i]
-    return back @ assembly.matrices[j] * ratio, back @ offset / assembly.scale[i]
+    return linear.matmul(back, assembly.matrices[j]) * ratio, linear.matmul(back, offset) / assembly.scale[i]
 
 
 def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, point: Floats) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
@@ -106,7 +107,7 @@ class ContactForces:
             raise InputError(
                 f"residual is {residual[worst]:g} for grain {worst}: it must be at least 0; give a magnitude"
             )
-        length = np.linalg.norm(made["normal"], axis=1)
+        length = linear.norm(made["normal"], axis=1)
         if np.abs(length - 1.0).max(initial=0.0) > UNIT_LENGTH:
             worst = int(np.abs(length - 1.0).argmax())
             raise InputError(f"normal has length {length[worst]:g} at row {worst}: it must be 1; divide by the length")
@@ -125,12 +126,12 @@ class ContactForces:
     @cached_property
     def normal_force(self) -> Floats:
         """Parts of the forces along the normals, (m,)."""
-        return read_only(np.einsum("ck,ck->c", self.force, self.normal))
+        return read_only(linear.einsum("ck,ck->c", self.force, self.normal))
 
     @cached_property
     def tangential_force(self) -> Floats:
         """Magnitudes of the parts of the forces across the normals, (m,)."""
-        return read_only(np.linalg.norm(self.force - self.normal_force[:, None] * self.normal, axis=1))
+        return read_only(linear.norm(self.force - self.normal_force[:, None] * self.normal, axis=1))
 
     @property
     def unit(self) -> str:
@@ -145,7 +146,7 @@ class ContactForces:
     @cached_property
     def magnitude(self) -> Floats:
         """Magnitudes of the forces, (m,)."""
-        return read_only(np.linalg.norm(self.force, axis=1))
+        return read_only(linear.norm(self.force, axis=1))
 
     @cached_property
     def carries(self) -> Booleans:
@@ -197,7 +198,7 @@ def chain_ends(assembly: Assembly, forces: ContactForces) -> tuple[Floats, Float
     """Return where the lines of the force chains start and end, (m, 3) each: the centroid of `i`, and that of the
     periodic image of `j` that it touches, or the contact point at a wall or the lid.
     """
-    shift = partner_images(assembly, forces) @ periods_of(assembly.container)
+    shift = linear.matmul(partner_images(assembly, forces), periods_of(assembly.container))
     ends = np.where(forces.j[:, None] >= 0, assembly.position[forces.j] + shift, forces.point)
     return assembly.position[forces.i], ends
 
@@ -209,7 +210,9 @@ def among_movable(assembly: Assembly, forces: ContactForces, fixed: Booleans) ->
     """
     turned = fixed[forces.i] & (forces.j >= 0) & ~fixed[np.maximum(forces.j, 0)]
     kept, sign = ~fixed[forces.i] | turned, np.where(turned, -1.0, 1.0)[:, None]
-    across = forces.gap[:, None] * forces.normal - partner_images(assembly, forces) @ periods_of(assembly.container)
+    across = forces.gap[:, None] * forces.normal - linear.matmul(
+        partner_images(assembly, forces), periods_of(assembly.container)
+    )
     number = np.where(fixed, WALL, np.cumsum(~fixed) - 1)
     i, j = np.where(turned, forces.j, forces.i), np.where(turned, forces.i, forces.j)
     return replace(
@@ -227,7 +230,7 @@ def among_movable(assembly: Assembly, forces: ContactForces, fixed: Booleans) ->
 
 def tiled_positions(assembly: Assembly, container: Container, cells: Integers) -> Floats:
     """Return the positions of copies of all grains in cells (k, 3) of a periodic container, within a larger one."""
-    moved = (assembly.position + (cells @ periods_of(assembly.container))[:, None]).reshape(-1, 3)
+    moved = (assembly.position + linear.matmul(cells, periods_of(assembly.container))[:, None]).reshape(-1, 3)
     # where copies lie one upon the other in a tilted cell, the edges of the larger cell may lean the other way
     return within_periods(moved, container) if any(tilt_of(assembly.container)) else moved
 
@@ -237,7 +240,7 @@ def tiled_forces(assembly: Assembly, forces: ContactForces, position: Floats, ce
     many, n, grains = cells.max(axis=0) + 1, assembly.count, forces.j >= 0
     # the partner is in the cell to which its image belongs
     cell = (cells[:, None] + partner_images(assembly, forces)) % many
-    copy, across = cell @ [many[1] * many[2], many[2], 1], n * np.arange(len(cells))[:, None]
+    copy, across = linear.matmul(cell, [many[1] * many[2], many[2], 1]), n * np.arange(len(cells))[:, None]
     moved = (position.reshape(-1, n, 3) - assembly.position)[:, forces.i]
     names: dict[str, Any] = {
         "normal": (len(cells), 1),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
@@ -45,7 +46,7 @@ def placed(inner: Inner, *, matrix: Floats, offset: Floats) -> Inner:
     """Return the same function for a grain rotated and scaled by a matrix and translated."""
     factor = stretch_of(matrix)
     back = matrix / factor**2
-    return lambda points: factor * inner((points - offset) @ back)
+    return lambda points: factor * inner(linear.matmul(points - offset, back))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +113,9 @@ class Occupied:
         # what is in the bounds may also be given by its place in the tilted cell
         half = (upper - lower) / 2 + np.abs(np.tril(periods, -1)).sum(axis=0)
         middle, radii = (np.array(lower) + upper) / 2, solids.bounding_radii + self.reach
-        far = np.array([np.linalg.norm(half)])
+        far = np.array([linear.norm(half)])
         _, grain, image = spheres_near(middle[None], far, solids.position, radii, lower=lower, periods=periods)
-        shift = image @ periods
+        shift = linear.matmul(image, periods)
         away = np.abs(solids.position[grain] + shift - middle) - half <= radii[grain, None]
         near = (away | (periods.diagonal() == 0.0)).all(axis=1)
         return list(zip(grain[near].tolist(), shift[near], strict=True))
@@ -147,17 +148,17 @@ def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
     """Return the depth in the sphere that contains each point most deeply."""
     best = np.full(len(points), -np.inf)
     for center, radius in zip(centers, radii, strict=True):
-        best = np.maximum(best, radius - np.linalg.norm(points - center, axis=1))
+        best = np.maximum(best, radius - linear.norm(points - center, axis=1))
     return best
 
 
 def _in_primitive(primitive: Primitive, points: Floats) -> Floats:
     """Return the distance to the nearest face of a regular solid."""
-    p, d = points @ primitive.matrix, primitive.dimensions
+    p, d = linear.matmul(points, primitive.matrix), primitive.dimensions
     if primitive.kind == "sphere":
-        return np.asarray(d[0] - np.linalg.norm(p, axis=1))
+        return np.asarray(d[0] - linear.norm(p, axis=1))
     if primitive.kind == "spherocylinder":
-        return np.asarray(d[0] - np.linalg.norm(from_axis(p, d[1]), axis=1))
+        return np.asarray(d[0] - linear.norm(from_axis(p, d[1]), axis=1))
     if primitive.kind == "ellipsoid":
         return _in_ellipsoid(np.abs(p), np.array(d))
     if primitive.kind == "box":
@@ -198,5 +199,5 @@ def _in_ellipsoid(p: Floats, axes: Floats) -> Floats:
     shortest = int(axes.argmin())
     lifted = np.sqrt(nearest[:, shortest] ** 2 + missing)
     nearest[:, shortest] = np.where(inside, lifted, nearest[:, shortest])
-    distance = np.linalg.norm(nearest - unit, axis=1) * smallest
+    distance = linear.norm(nearest - unit, axis=1) * smallest
     return np.where(inside, distance, -distance)

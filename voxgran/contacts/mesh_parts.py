@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.convex import TOUCHING, part_size, penetration
@@ -37,7 +38,7 @@ def touch_spheres(
     `parts` are the spheres of this one body in its own frame; `matrix` and `offset` map it to that of the mesh.
     """
     factor = stretch_of(matrix)
-    centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
+    centers, radii = linear.matmul(parts.center, matrix.T) + offset, parts.margin * factor
     distance, nearest, _ = solid.tree.nearest(centers, reach=float(radii.max()) + reach)
     # a center without close triangles is outside, or so deep inside that another center decides
     if not np.isfinite(distance).all():
@@ -86,7 +87,7 @@ def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
     factor = stretch_of(matrix)
     row = row_of(primitive)
     row[1:4] *= factor
-    row[4:] = ((matrix / factor) @ row[4:].reshape(3, 3)).ravel()
+    row[4:] = linear.matmul(matrix / factor, row[4:].reshape(3, 3)).ravel()
     return row
 
 

@@ -9,6 +9,7 @@ intersection is searched for the deepest point. A grain in a cavity of another, 
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
@@ -28,7 +29,7 @@ DEEP = 1e-3
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact of two meshes; see :mod:`voxgran.contacts.model` for the frames."""
     factor = stretch_of(matrix)
-    margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
+    margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(linear.norm(offset)))
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
@@ -62,11 +63,11 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     if not len(triangles):
         return 0.0, np.zeros(3), offset / 2
     depth, point, nearest = deepest_of_triangles(one.tree, triangles)
-    turned, theirs, their_nearest = deepest_of_triangles(other.tree, (triangles - offset) @ back.T)
+    turned, theirs, their_nearest = deepest_of_triangles(other.tree, linear.matmul(triangles - offset, back.T))
     sign = 1.0
     if turned * factor > depth:
         depth, sign = turned * factor, -1.0
-        point, nearest = matrix @ theirs + offset, matrix @ their_nearest + offset
+        point, nearest = linear.matmul(matrix, theirs) + offset, linear.matmul(matrix, their_nearest) + offset
     if body.volume > DEEP * min(one.mesh.volume, other.mesh.volume * factor**3):
         inner_other = placed(other.inner_distance, matrix=matrix, offset=offset)
         corners = triangles.reshape(-1, 3)
@@ -79,7 +80,7 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     elif sign > 0:
         normal = outward(one, point, offset)
     else:
-        normal = -matrix @ outward(other, back @ (point - offset), -offset) / factor
+        normal = linear.matmul(-matrix, outward(other, linear.matmul(back, point - offset), -offset)) / factor
     return depth, normal, (point + nearest) / 2
 
 
@@ -89,9 +90,11 @@ def _within_both(one: Solid, other: Solid, triangles: Floats, *, back: Floats, o
     If surfaces coincide up to rounding, a body without volume may bridge a crease outside one of them.
     """
     middle = triangles.mean(axis=1)
-    theirs = (middle - offset) @ back.T
-    kept = one.tree.signed_distance(middle) <= ROUNDING * (one.tree.size + float(np.linalg.norm(offset)))
-    kept &= other.tree.signed_distance(theirs) <= ROUNDING * (other.tree.size + float(np.linalg.norm(back @ offset)))
+    theirs = linear.matmul(middle - offset, back.T)
+    kept = one.tree.signed_distance(middle) <= ROUNDING * (one.tree.size + float(linear.norm(offset)))
+    kept &= other.tree.signed_distance(theirs) <= ROUNDING * (
+        other.tree.size + float(linear.norm(linear.matmul(back, offset)))
+    )
     return triangles[kept]
 
 
@@ -103,8 +106,8 @@ def outward(solid: Solid, point: Floats, fallback: Floats) -> Floats:
 
 def _is_nested(one: Solid, other: Solid, matrix: Floats, offset: Floats, factor: float) -> bool:
     """Return whether one of two disjoint surfaces lies in the solid of the other."""
-    theirs = matrix @ other.tree.corners[0, 0] + offset
-    mine = matrix.T @ (one.tree.corners[0, 0] - offset) / factor**2
+    theirs = linear.matmul(matrix, other.tree.corners[0, 0]) + offset
+    mine = linear.matmul(matrix.T, one.tree.corners[0, 0] - offset) / factor**2
     return _holds(one, theirs) or _holds(other, mine)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 
 
@@ -80,7 +80,7 @@ class Touch:
     def moved(self, *, matrix: Floats, offset: Floats, factor: float) -> "Touch":
         """Return the contact transformed by `matrix` (a rotation times `factor`) and `offset`."""
         turn = matrix / factor
-        return Touch(self.gap * factor, turn @ self.normal, matrix @ self.point + offset)
+        return Touch(self.gap * factor, linear.matmul(turn, self.normal), linear.matmul(matrix, self.point) + offset)
 
     def flipped(self) -> "Touch":
         """Return the contact with both grains exchanged."""
@@ -90,7 +90,7 @@ class Touch:
 def direction(vector: Floats, fallback: Floats) -> Floats:
     """Return the unit vector along the first of both vectors that is not zero, else along x."""
     for candidate in (vector, fallback):
-        length = float(np.linalg.norm(candidate))
+        length = float(linear.norm(candidate))
         if length > 0:
             return candidate / length
     return np.array([1.0, 0.0, 0.0])

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.convex import TOUCHING, part_size
 from voxgran.contacts.depth import deepest_of_triangles
@@ -44,7 +45,7 @@ def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) 
 
 def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact, or the depth of crossing, of two open surfaces."""
-    margin = ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(np.linalg.norm(offset)))
+    margin = ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(linear.norm(offset)))
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
@@ -58,23 +59,25 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
     """Return the contact, or the depth of penetration, of an open surface with a closed mesh or a box."""
     factor = stretch_of(matrix)
     back = matrix / factor**2
-    margin = ROUNDING * (surface.tree.size + factor * solid.tree.size + float(np.linalg.norm(offset)))
+    margin = ROUNDING * (surface.tree.size + factor * solid.tree.size + float(linear.norm(offset)))
     distance, point, partner = nearest_points(
         surface.tree, solid.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
-    first = (surface.vertices[surface.faces[0, :1]] - offset) @ back
+    first = linear.matmul(surface.vertices[surface.faces[0, :1]] - offset, back)
     if distance > margin and not solid.tree.signed_distance(first)[0] < 0:
         return Touch.between(distance, point, partner, offset)
-    depth, deepest, nearest = deepest_of_triangles(solid.tree, (surface.triangles - offset) @ back, inside=True)
+    depth, deepest, nearest = deepest_of_triangles(
+        solid.tree, linear.matmul(surface.triangles - offset, back), inside=True
+    )
     if depth > 0.0:
-        inward = matrix @ (deepest - nearest)
-        return Touch(-depth * factor, direction(inward, offset), matrix @ (deepest + nearest) / 2 + offset)
+        inward = linear.matmul(matrix, deepest - nearest)
+        return Touch(-depth * factor, direction(inward, offset), linear.matmul(matrix, deepest + nearest) / 2 + offset)
     return Touch(distance, direction(offset, offset), (point + partner) / 2)
 
 
 def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact of an open surface with a union of spheres in its own frame; a depth is that in one sphere."""
-    centers, radii = parts.center @ matrix.T + offset, parts.margin * stretch_of(matrix)
+    centers, radii = linear.matmul(parts.center, matrix.T) + offset, parts.margin * stretch_of(matrix)
     distance, nearest, _ = surface.tree.nearest(centers, reach=float(radii.max()) + reach)
     gaps = np.abs(distance) - radii
     k = int(gaps.argmin())

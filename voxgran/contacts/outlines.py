@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.depth import ACCURACY, MOST_PATCHES
@@ -30,7 +31,7 @@ def touch_polygons(
     If `deepest` is false, the depth is that of the deepest edge point; the interior is not searched.
     """
     mine = np.array(one.vertices, order="C")
-    theirs = other.vertices @ matrix[:2, :2].T + offset[:2]
+    theirs = linear.matmul(other.vertices, matrix[:2, :2].T) + offset[:2]
     near = np.zeros(4)
     distance = _nearest_edges(mine, theirs, near)
     size = float(np.ptp(np.concatenate([mine, theirs]), axis=0).max())
@@ -57,7 +58,7 @@ def touch_disk(
     If `deepest` is false, the depth is that towards the nearest edge; the interior is not searched.
     """
     radius = disk.radius * stretch_of(matrix)
-    center = matrix @ np.array([*disk.center, 0.0]) + offset
+    center = linear.matmul(matrix, np.array([*disk.center, 0.0])) + offset
     near, vertices = np.zeros(2), np.array(polygon.vertices, order="C")
     distance = -float(_signed(vertices, center[0], center[1], near))
     surface = np.array([*near, 0.0])

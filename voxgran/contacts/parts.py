@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW, SPHEROCYLINDER
 from voxgran.shapes.describing.body import Geometry, as_spheres
@@ -37,8 +38,8 @@ class Parts(NamedTuple):
         factor, turn = scale[grain], matrices[grain]
         row = self.row[part]
         row[:, 1:4] *= factor[:, None]
-        row[:, 4:] = (turn @ row[:, 4:].reshape(-1, 3, 3)).reshape(-1, 9)
-        center = np.einsum("pij,pj->pi", turn, self.center[part]) * factor[:, None]
+        row[:, 4:] = linear.matmul(turn, row[:, 4:].reshape(-1, 3, 3)).reshape(-1, 9)
+        center = linear.einsum("pij,pj->pi", turn, self.center[part]) * factor[:, None]
         return Parts(start, row, self.margin[part] * factor, center, self.reach[part] * factor)
 
 

@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.rotation import rotation_matrices
 
@@ -61,8 +62,8 @@ def _stencils(counts: Integers) -> list[Floats]:
     stencil = np.array([step for step in product(*steps) if any(step)])
     half = 0.4
     about = np.array([0.48, 0.6, 0.64]) if counts[2] > 1 else np.array([0.0, 0.0, 1.0])
-    turn = rotation_matrices(np.array([[np.cos(half), *(np.sin(half) * about)]]))[0]
-    return [stencil, stencil @ turn.T]
+    turn = rotation_matrices(np.array([[libm.cos(half), *(libm.sin(half) * about)]]))[0]
+    return [stencil, linear.matmul(stencil, turn.T)]
 
 
 def _climb(deep: Inner, bound: Inner, point: Floats, depth: float, stencils: list[Floats]) -> tuple[Floats, float]:

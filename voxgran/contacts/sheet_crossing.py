@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.triangles import pair_bound, turn_triangles
@@ -25,10 +26,9 @@ from voxgran.geometry.tree import TriangleTree
 from voxgran.geometry.triangles import normals_of
 
 #: three perpendicular directions that are parallel to no common edge, in rows
-AXES = (
-    np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]])
-    / 7.0
-    @ np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+AXES = linear.matmul(
+    np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0,
+    np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]),
 )
 #: tilt of each direction
 TILT = 1e-4 * AXES[0]
@@ -45,7 +45,7 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
     """
     turn, size = np.ascontiguousarray(matrix), np.abs(matrix)
     place = np.ascontiguousarray(offset)
-    extent = one.size + float(np.linalg.norm(matrix, axis=0).max()) * other.size
+    extent = one.size + float(linear.norm(matrix, axis=0).max()) * other.size
     best, way = math.inf, np.zeros(3)
 
     def try_all(directions: Floats) -> None:
@@ -68,27 +68,30 @@ def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Fl
     """Return normals at the crossing, mean normals, their cross product and the offset of the centroids, in rows."""
     crossing = np.zeros((2, 3))
     _add_normals(one.arrays, other.arrays, matrix, size, offset, crossing)
-    mean, other_mean = normals_of(one.corners).sum(axis=0), normals_of(other.corners @ matrix.T).sum(axis=0)
-    between = other.corners.mean(axis=(0, 1)) @ matrix.T + offset - one.corners.mean(axis=(0, 1))
+    mean, other_mean = (
+        normals_of(one.corners).sum(axis=0),
+        normals_of(linear.matmul(other.corners, matrix.T)).sum(axis=0),
+    )
+    between = linear.matmul(other.corners.mean(axis=(0, 1)), matrix.T) + offset - one.corners.mean(axis=(0, 1))
     return np.array([*crossing, mean, other_mean, np.cross(mean, other_mean), between])
 
 
 def _both_ways(directions: Floats) -> Floats:
     """Return the vectors of nonzero length as tilted unit vectors, each followed by its opposite."""
-    length = np.linalg.norm(directions, axis=1)
+    length = linear.norm(directions, axis=1)
     some = length > END * length.max(initial=0.0)
     tilted = directions[some] / length[some, None] + TILT
-    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    tilted /= linear.norm(tilted, axis=1, keepdims=True)
     return np.stack([tilted, -tilted], axis=1).reshape(-1, 3)
 
 
 def _about(way: Floats, step: float) -> Floats:
     """Return eight unit vectors around a given one."""
-    aside = np.cross(way, AXES[np.abs(AXES @ way).argmin()])
-    aside /= np.linalg.norm(aside)
+    aside = np.cross(way, AXES[np.abs(linear.matmul(AXES, way)).argmin()])
+    aside /= linear.norm(aside)
     angle = np.arange(8) * np.pi / 4
-    turned = way + step * (np.cos(angle)[:, None] * aside + np.sin(angle)[:, None] * np.cross(way, aside))
-    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+    turned = way + step * (libm.cos(angle)[:, None] * aside + libm.sin(angle)[:, None] * np.cross(way, aside))
+    return np.asarray(turned / linear.norm(turned, axis=1, keepdims=True))
 
 
 @kernel

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.compiling.threads import in_blocks, thread_count
 from voxgran._base.kernels import kernel
@@ -46,13 +47,13 @@ def surface_gaps(
     one, other = assembly.shape_id[pairs.i], assembly.shape_id[pairs.j]
     turn, scale = assembly.matrices[pairs.i], assembly.scale[pairs.i]
     stretch = assembly.scale[pairs.j] / scale
-    matrix = np.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
-    offset = np.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
+    matrix = linear.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
+    offset = linear.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
     done = 0
     for a, b in np.unique(np.column_stack([one, other]), axis=0).tolist():
         some = np.flatnonzero((one == a) & (other == b))
         trees = tree_of(a), tree_of(b)
-        far = np.linalg.norm(offset[some], axis=1)
+        far = linear.norm(offset[some], axis=1)
         margin = ROUNDING * (trees[0].size + stretch[some] * trees[1].size + far)
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
@@ -68,18 +69,18 @@ def surface_gaps(
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]
-    length = np.linalg.norm(apart, axis=1)
+    length = linear.norm(apart, axis=1)
     unit = np.divide(apart, length[:, None], out=np.zeros_like(apart), where=length[:, None] > 0)
-    normal = np.einsum("kij,kj->ki", turn, unit)
-    point = np.einsum("kij,kj->ki", turn, near[:, :3] + near[:, 3:]) * scale[:, None] / 2
+    normal = linear.einsum("kij,kj->ki", turn, unit)
+    point = linear.einsum("kij,kj->ki", turn, near[:, :3] + near[:, 3:]) * scale[:, None] / 2
     return found * scale, normal, point, proven & ((length > 0) | np.isinf(found))
 
 
 def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:
     """Return the mask of the pairs in which a corner of one surface lies inside the other."""
     one, other = trees
-    theirs = matrix @ other.corners[0, 0] + offset
-    mine = np.einsum("kji,kj->ki", matrix, one.corners[0, 0] - offset) / stretch[:, None] ** 2
+    theirs = linear.matmul(matrix, other.corners[0, 0]) + offset
+    mine = linear.einsum("kji,kj->ki", matrix, one.corners[0, 0] - offset) / stretch[:, None] ** 2
     held = np.zeros(len(matrix), dtype=np.bool_)
     for points, tree in ((theirs, one), (mine, other)):
         near = np.flatnonzero(((points >= tree.low[0]) & (points <= tree.high[0])).all(axis=1) & ~held)

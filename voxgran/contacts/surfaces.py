@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import TooLargeError
 from voxgran.contacts.assembly import Assembly
@@ -49,7 +50,7 @@ def merged_surfaces(
     vertices, faces, owners, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], 0
     for s, (body, triangles) in meshes.items():
         members = chosen[shape_id == s]
-        turned = np.einsum("gij,vj->gvi", assembly.matrices[members], body)
+        turned = linear.einsum("gij,vj->gvi", assembly.matrices[members], body)
         placed = turned * assembly.scale[members, None, None] + assembly.position[members, None, :]
         vertices.append(placed.reshape(-1, 3))
         shifts = start + len(body) * np.arange(len(members))

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.assembly import Assembly
@@ -79,8 +80,8 @@ def beyond_lid(assembly: Assembly) -> Floats:
         return np.full(assembly.count, -np.inf)
     low, high = grain_bounds(assembly)
     normal = assembly.lid.normal
-    reach = np.where(normal > 0, high, -low) @ np.abs(normal)
-    return np.asarray(assembly.position @ normal + reach - assembly.lid.level)
+    reach = linear.matmul(np.where(normal > 0, high, -low), np.abs(normal))
+    return np.asarray(linear.matmul(assembly.position, normal) + reach - assembly.lid.level)
 
 
 def _beyond_container(assembly: Assembly) -> Floats:
@@ -121,12 +122,12 @@ def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
                 bound[grains] = sign * reach * scale[:, None]
         elif has_parts(geometry):
             parts = parts_of([geometry])
-            centers = assembly.matrices[grains] @ parts.center.T
+            centers = linear.matmul(assembly.matrices[grains], parts.center.T)
             low[grains] = (centers - parts.margin).min(axis=2) * scale[:, None]
             high[grains] = (centers + parts.margin).max(axis=2) * scale[:, None]
         else:
             for grain in grains:
-                turned = _corners(geometry) @ assembly.matrices[grain].T
+                turned = linear.matmul(_corners(geometry), assembly.matrices[grain].T)
                 low[grain] = turned.min(axis=0) * assembly.scale[grain]
                 high[grain] = turned.max(axis=0) * assembly.scale[grain]
     return low, high
@@ -142,7 +143,7 @@ def reach_at(assembly: Assembly, wall: Round) -> Floats:
     for grain in range(assembly.count):
         geometry = geometries[assembly.shape_id[grain]]
         if not has_parts(geometry):
-            turned = _corners(geometry) @ assembly.matrices[grain].T * assembly.scale[grain]
+            turned = linear.matmul(_corners(geometry), assembly.matrices[grain].T) * assembly.scale[grain]
             reach[grain] = wall.reach(turned + away[grain]).max()
     return reach
 
@@ -183,7 +184,7 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
         parts = parts_of([geometry])
         for k, grain in enumerate(grains):
             turn = assembly.matrices[grain] * assembly.scale[grain]
-            distance = inside.tree.signed_distance(parts.center @ turn.T + offsets[k])
+            distance = inside.tree.signed_distance(linear.matmul(parts.center, turn.T) + offsets[k])
             found[k] = (distance + parts.margin * assembly.scale[grain]).max()
         return found
     solid = None
@@ -206,22 +207,22 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
 
 def _surface_beyond_mesh(inside: Solid, outside: Solid, surface: Surface, matrix: Floats, offset: Floats) -> float:
     """Return the protrusion of an open surface beyond a mesh that should contain it."""
-    depth = deepest_of_triangles(outside.tree, surface.triangles @ matrix.T + offset, inside=True)[0]
+    depth = deepest_of_triangles(outside.tree, linear.matmul(surface.triangles, matrix.T) + offset, inside=True)[0]
     return depth or -nearest_points(inside.tree, surface.tree, matrix=matrix, offset=offset)[0]
 
 
 def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Floats) -> float:
     """Return the protrusion of one mesh beyond another that should contain it."""
-    margin = ROUNDING * (container.tree.size + float(np.linalg.norm(offset)))
+    margin = ROUNDING * (container.tree.size + float(linear.norm(offset)))
     distance, _, _ = nearest_points(container.tree, grain.tree, matrix=matrix, offset=offset)
-    corner = matrix @ grain.tree.corners[0, 0] + offset
+    corner = linear.matmul(matrix, grain.tree.corners[0, 0]) + offset
     if distance > margin and container.tree.signed_distance(corner[None])[0] < 0:
         return -distance
     back = matrix.T / stretch_of(matrix) ** 2
-    body = combine(grain, container, matrix=back, offset=-back @ offset, operation="rest")
+    body = combine(grain, container, matrix=back, offset=linear.matmul(-back, offset), operation="rest")
     if not len(body.triangles):
         return -distance
-    return deepest_of_triangles(container.tree, body.triangles @ matrix.T + offset)[0]
+    return deepest_of_triangles(container.tree, linear.matmul(body.triangles, matrix.T) + offset)[0]
 
 
 @kernel

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.lazy import load
@@ -54,10 +55,10 @@ class Wall:
                 f"wall is no closed surface once its rims are closed ({self.solid.status().name}): mend it with "
                 "vg.repair, or 'voxgran repair' at the prompt"
             )
-        height = self.vertices @ up
+        height = linear.matmul(self.vertices, up)
         self.low, self.high = float(height.min()), float(height.max())
         lower, upper = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        margin = float(np.linalg.norm(upper - lower))
+        margin = float(linear.norm(upper - lower))
         self.corner = lower - margin
         self.block = library.Manifold.cube((upper - lower + 2 * margin).tolist()).translate(self.corner.tolist())
 
@@ -148,7 +149,7 @@ def _closed(shape: Shape, up: Floats) -> Triangles:
     others by triangles of least area.
     """
     vertices, faces = _placed(shape)
-    height = vertices @ up
+    height = linear.matmul(vertices, up)
     tall = float(np.ptp(height))
     loops, levels = hole_loops(faces, len(vertices)), []
     for loop in loops:
@@ -178,7 +179,7 @@ def _triangles(solid: Any) -> Triangles:
 def _volume(part: Triangles) -> float:
     """Return the volume within triangles, negative where they face inward."""
     a, b, c = np.moveaxis(part[0][part[1]] - part[0].mean(axis=0), 1, 0)
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+    return float(linear.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 def _holds(part: Triangles, point: Floats) -> bool:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
@@ -205,7 +205,7 @@ def revolved_space(profile: Sequence[tuple[float, float]], origin: Sequence[floa
         walls.append(wall._replace(axis=way))
         volume += math.pi / 3 * (above - z) * (r * r + r * wide + wide * wide)
     vertices, faces, _ = revolved(profile)
-    vertices = vertices @ walls[0].frame + np.array(origin)
+    vertices = linear.matmul(vertices, walls[0].frame) + np.array(origin)
     reach = max(r for _, r in profile) * (1.0 - away)
     bounds = np.array(origin) + np.array([profile[0][0] * away - reach, profile[-1][0] * away + reach])
     return Space(Boundary((*planes_across(bounds, "xyz"[axis]), *walls)), bounds, volume, 0.0, vertices, faces)
@@ -289,9 +289,9 @@ def _tangents(wall: Round, sides: int) -> tuple[Floats, Floats]:
         normals = np.array([wall.axis])
     else:
         angle = 2 * math.pi * np.arange(sides) / sides
-        around = np.stack([np.cos(angle), np.sin(angle)], axis=1) * wall.cosine
-        normals = np.column_stack([around, np.full(sides, wall.sine)]) @ wall.frame
-    return normals, normals @ np.array(wall.center) + wall.radius
+        around = np.stack([libm.cos(angle), libm.sin(angle)], axis=1) * wall.cosine
+        normals = linear.matmul(np.column_stack([around, np.full(sides, wall.sine)]), wall.frame)
+    return normals, linear.matmul(normals, np.array(wall.center)) + wall.radius
 
 
 def _distinct(points: Floats) -> Floats:

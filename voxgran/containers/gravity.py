@@ -4,6 +4,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_vector
 from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
@@ -95,7 +96,7 @@ def direction_of(vector: Floats, container: Container) -> Floats:
         If its length is 0 or not finite, or it has a part along a periodic axis or out of the plane.
     """
     with np.errstate(over="ignore"):
-        length = float(np.linalg.norm(vector))
+        length = float(linear.norm(vector))
     held = np.array(container.periodic) | (np.arange(3) >= container.dimension)
     if not np.isfinite(length) or length == 0.0 or vector[held].any():
         raise InputError(

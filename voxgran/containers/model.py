@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, check_known, nearest, shown, unknown
@@ -165,7 +166,7 @@ class Boundary:
         """Return an upper bound of the length of lines in the container, by the lengths of its bounds."""
         # axes around which a wall closes share one diameter
         shared = max((wall.axes for wall in self.round), default=1) if self.is_upright else 1
-        return float(np.linalg.norm(lengths[shared - 1 :]))
+        return float(linear.norm(lengths[shared - 1 :]))
 
     def _only(self, kind: str) -> Round | None:
         """Return the wall of revolution of a kind if there is no other."""

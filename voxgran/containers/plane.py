@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats, as_points, check_lengths, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
@@ -113,7 +114,7 @@ def _as_loop(loop: "ArrayLike", name: str, *, turn: int) -> Floats:
             f"{name}[{twice[0]}] and the next one are both {points[twice[0]].tolist()}: an edge has a length; leave "
             "one of them out"
         )
-    widths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    widths = linear.svd(points - points.mean(axis=0))[1]
     if widths[1] <= NO_WIDTH * widths[0]:
         raise InputError(f"{name} has no area: its corners must not lie on one line; move them")
     return points[::-1].copy() if area_of(points) * turn < 0 else points.copy()

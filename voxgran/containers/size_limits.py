@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load
@@ -91,8 +92,8 @@ def _length(shape: Shape) -> float:
     if shape.is_sphere:
         return shape.diameter
     points = shape.vertices
-    far = points[np.linalg.norm(points, axis=1).argmax()]
-    return float(np.linalg.norm(points - far, axis=1).max())
+    far = points[linear.norm(points, axis=1).argmax()]
+    return float(linear.norm(points - far, axis=1).max())
 
 
 def _spheres(shape: Shape) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.contacts.assembly import Assembly, by_shape
 from voxgran.geometry.rotation import quaternions_of
@@ -67,8 +68,8 @@ class Template:
     @cached_property
     def principal(self) -> Frame:
         """Principal moments and axes of inertia."""
-        moments, axes = np.linalg.eigh(self.shape.inertia)
-        if np.linalg.det(axes) < 0:
+        moments, axes = linear.eigh(self.shape.inertia)
+        if linear.determinant(axes) < 0:
             axes[:, 2] *= -1
         return Frame(read_only(moments), read_only(axes))
 
@@ -108,14 +109,14 @@ class Bodies:
     @cached_property
     def _moment_factors(self) -> Floats:
         """Factors (n,) from the moments of inertia of a template to those of a grain, kg/m^3."""
-        return self.assembly.densities * self.assembly.scale ** (self.assembly.dimension + 2)
+        return self.assembly.densities * libm.power(self.assembly.scale, self.assembly.dimension + 2)
 
     @cached_property
     def inertia(self) -> Floats:
         """Inertia tensors about the centroids in the frame of the container, (n, 3, 3), kg m^2."""
         grains, of_template = self.assembly, np.array([one.shape.inertia for one in self.templates]).reshape(-1, 3, 3)
         body = of_template[grains.shape_id] * self._moment_factors[:, None, None]
-        return read_only(grains.matrices @ body @ grains.matrices.transpose(0, 2, 1))
+        return read_only(linear.matmul(linear.matmul(grains.matrices, body), grains.matrices.transpose(0, 2, 1)))
 
     @cached_property
     def moments(self) -> Floats:
@@ -127,7 +128,7 @@ class Bodies:
     def principal_orientation(self) -> Floats:
         """Unit quaternions (n, 4), (w, x, y, z), from the principal frames to the container."""
         axes = np.array([one.principal.axes for one in self.templates]).reshape(-1, 3, 3)
-        return read_only(quaternions_of(self.assembly.matrices @ axes[self.assembly.shape_id]))
+        return read_only(quaternions_of(linear.matmul(self.assembly.matrices, axes[self.assembly.shape_id])))
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats, Integers]:
@@ -139,7 +140,7 @@ class Bodies:
         for k, template in enumerate(self.templates):
             mine = np.flatnonzero(grains.shape_id == k)
             places = np.flatnonzero(grains.shape_id[grain] == k)
-            turned = np.einsum("gij,sj->gsi", grains.matrices[mine], template.spheres[0])
+            turned = linear.einsum("gij,sj->gsi", grains.matrices[mine], template.spheres[0])
             world = turned * grains.scale[mine, None, None] + grains.position[mine, None]
             centers[places] = world.reshape(-1, 3)
             radii[places] = (grains.scale[mine, None] * template.spheres[1]).reshape(-1)

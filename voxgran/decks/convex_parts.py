@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -65,16 +66,16 @@ def _of_spheres(union: Spheres) -> list[Mesh]:
     bare = ~contained(union.centers, union.radii)
     centers, radii = union.centers[bare], union.radii[bare]
     unit, faces, _ = sphere(int(np.clip(math.log(MOST_TRIANGLES / (20 * len(radii)), 4), 1, 4)))
-    squares = np.einsum("si,si->s", centers, centers) - radii**2
+    squares = linear.einsum("si,si->s", centers, centers) - radii**2
     found = []
     for k, (center, radius) in enumerate(zip(centers, radii, strict=True)):
         cell = library.Manifold(library.Mesh64(center + radius * unit, faces.astype(np.uint64)))
         for other in np.flatnonzero(np.arange(len(radii)) != k):
             normal = center - centers[other]
-            length = float(np.linalg.norm(normal))
+            length = float(linear.norm(normal))
             level = float(squares[k] - squares[other]) / (2 * length)
             # the plane may pass outside of the sphere
-            if level > float(center @ normal) / length - radius:
+            if level > float(linear.matmul(center, normal)) / length - radius:
                 cell = cell.trim_by_plane(tuple(normal.tolist()), level)
         if cell.volume() > NOTHING * float(union.volume):
             found.append(Mesh(*_arrays(cell.hull())))
@@ -140,7 +141,7 @@ class _Partition:
         ends, planes, levels = self._reflex(vertices, faces)
         allowed = FLAT * self.size
         if len(ends):
-            heights = planes @ ends.reshape(-1, 3).T - levels[:, None]
+            heights = linear.matmul(planes, ends.reshape(-1, 3).T) - levels[:, None]
             low, high = np.sort(heights.reshape(len(planes), -1, 2), axis=2).transpose(2, 0, 1)
             ended = (high < allowed) & (low > -allowed)
             crossed = (high > allowed) & (low < -allowed)
@@ -149,8 +150,8 @@ class _Partition:
             # what a cut left of a face in its own plane may stand out as a blade without thickness
             normals, good = self._normals(vertices, faces)
             planes = normals[good]
-            levels = np.einsum("pi,pi->p", planes, vertices[faces[good, 0]])
-            beyond = (vertices @ planes.T).max(axis=0) - levels
+            levels = linear.einsum("pi,pi->p", planes, vertices[faces[good, 0]])
+            beyond = linear.matmul(vertices, planes.T).max(axis=0) - levels
             order = np.argsort(-beyond, kind="stable")[: int((beyond > allowed).sum())]
         for plane in order.tolist():
             pieces = self._split(solid, planes[plane], float(levels[plane]))
@@ -169,7 +170,7 @@ class _Partition:
     def _lost_blade(self, before: Floats, piece: Any, normal: Floats, level: float) -> bool:
         """Return whether a cut that left one piece took something without volume from it."""
         allowed = FLAT * self.size
-        old, new = before @ normal - level, _arrays(piece)[0] @ normal - level
+        old, new = linear.matmul(before, normal) - level, linear.matmul(_arrays(piece)[0], normal) - level
         return bool((old.max() > allowed >= new.max()) or (old.min() < -allowed <= new.min()))
 
     def _reflex(self, vertices: Floats, faces: Integers) -> tuple[Floats, Floats, Floats]:
@@ -184,13 +185,13 @@ class _Partition:
         there, back = np.argsort(start * count + end, kind="stable"), np.argsort(end * count + start, kind="stable")
         twin = np.empty_like(there)
         twin[there] = back
-        height = np.einsum("ei,ei->e", vertices[opposite[twin]] - vertices[start], normals[face])
+        height = linear.einsum("ei,ei->e", vertices[opposite[twin]] - vertices[start], normals[face])
         # each edge is seen from the faces on both of its sides
         reflex = good[face] & (height > FLAT * self.size)
         seen = reflex | (reflex[twin] & good[face])
         once = (reflex | reflex[twin]) & (start < end)
         planes = normals[face[seen]]
-        levels = np.einsum("pi,pi->p", planes, vertices[start[seen]])
+        levels = linear.einsum("pi,pi->p", planes, vertices[start[seen]])
         return vertices[np.stack([start, end], axis=1)[once]], planes, levels
 
     def _normals(self, vertices: Floats, faces: Integers) -> tuple[Floats, Booleans]:
@@ -198,8 +199,8 @@ class _Partition:
         corners = vertices[faces]
         sides = np.roll(corners, -1, axis=1) - corners
         normals = np.cross(sides[:, 0], -sides[:, 2])
-        sizes = np.linalg.norm(normals, axis=1)
-        longest = np.linalg.norm(sides, axis=2).max(axis=1)
+        sizes = linear.norm(normals, axis=1)
+        longest = linear.norm(sides, axis=2).max(axis=1)
         good = sizes > THIN * self.size * longest
         return normals / np.where(sizes > 0, sizes, 1.0)[:, None], good
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.decks.simulation import Simulation
 from voxgran.decks.walls import sides_of
@@ -64,7 +65,7 @@ def _cylinder(wall: Round, ends: Floats, diameter: float) -> Facets:
     sides = sides_of(wall.radius, diameter)
     radius = wall.radius / math.cos(math.pi / sides)
     angles = 2 * math.pi * np.arange(sides) / sides
-    ring = wall.center[:2] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    ring = wall.center[:2] + radius * np.stack([libm.cos(angles), libm.sin(angles)], axis=1)
     vertices = np.concatenate([np.column_stack([ring, np.full(sides, level)]) for level in ends])
     below, after = np.arange(sides), np.roll(np.arange(sides), -1)
     pairs = [(below, after, after + sides), (below, after + sides, below + sides)]
@@ -78,8 +79,8 @@ def _sphere(wall: Round, diameter: float) -> Facets:
         vertices, faces, _ = sphere(subdivisions)
         corners = vertices[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        nearest = float(np.einsum("fi,fi->f", normals, corners[:, 0]).min())
+        normals /= linear.norm(normals, axis=1, keepdims=True)
+        nearest = float(linear.einsum("fi,fi->f", normals, corners[:, 0]).min())
         error = wall.radius * (1 / nearest - 1)
         if error <= SPHERE_ERROR * diameter:
             break

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Bodies, Template
@@ -175,7 +176,7 @@ def clu_text(template: Template, comments: Sequence[str]) -> str:
     shape, frame = template.shape, template.principal
     centers, radii = template.spheres
     diameter, volume = float(shape.diameter), float(shape.volume)
-    spheres = np.column_stack([centers @ frame.axes, radii]).tolist()
+    spheres = np.column_stack([linear.matmul(centers, frame.axes), radii]).tolist()
     lines = [
         *_comments(comments),
         "Name",

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import Dataset
 from voxgran.decks.contact_law import SHEAR_RATIO, ContactLaw
@@ -44,7 +45,7 @@ def bond_texts(bonds: "Dataset", law: ContactLaw, centers: Floats, mass: Floats)
         Centers in m and masses in kg of all spheres.
     """
     first, second = bonds["first"].values, bonds["second"].values
-    length = np.linalg.norm(centers[second] - centers[first], axis=1)
+    length = linear.norm(centers[second] - centers[first], axis=1)
     rows = _coefficients(bonds, law, length, mass[first], mass[second])
     scale = np.abs(rows).max(axis=0, initial=1e-300)
     _, found, kind = np.unique(np.round(rows / scale, DIGITS), axis=0, return_index=True, return_inverse=True)
@@ -104,8 +105,5 @@ def fitted_poses(before: Floats, after: Floats, grain: Integers, position: Float
     middle, moved = middle / members, moved / members
     product = np.zeros((count, 3, 3))
     np.add.at(product, grain, (after - moved[grain])[:, :, None] * (before - middle[grain])[:, None, :])
-    left, _, right = np.linalg.svd(product)
-    flip = np.linalg.det(left @ right)
-    left[:, :, 2] *= flip[:, None]
-    matrices = left @ right
-    return np.einsum("nij,nj->ni", matrices, position - middle) + moved, matrices
+    matrices = linear.nearest_rotations(product)
+    return linear.einsum("nij,nj->ni", matrices, position - middle) + moved, matrices

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.stopping import heed
 from voxgran.decks.engine import Frame
@@ -75,7 +76,7 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
             corner = _corners(simulation, corners.pop(step), energy[step][1:])
             position, matrices = _poses(simulation, found.pop(step), corner)
             start = matrices if start is None else start
-            turned = matrices @ start.transpose(0, 2, 1)
+            turned = linear.matmul(matrices, start.transpose(0, 2, 1))
             yield Frame(step * simulation.time_step, position, turned, energy[step][0], bounds=corner)
         if ended:
             return
@@ -110,7 +111,7 @@ def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats, Floats]]:
         sides = text[text.find("ITEM: BOX BOUNDS", head) :].split("\n", 4)[1:4]
         table = np.array([line.split() for line in lines[:rows]], dtype=float)
         bounds = np.array([line.split() for line in sides], dtype=float).T
-        found.append((step, bounds, table[np.argsort(table[:, 0])]))
+        found.append((step, bounds, table[np.argsort(table[:, 0], kind="stable")]))
         at = len(text) - len(lines[rows])
 
 

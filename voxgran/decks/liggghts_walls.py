@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.decks.engine import row_of, text_of
 from voxgran.decks.facets import Facets, facets_of
@@ -116,7 +117,7 @@ def _stl(corners: Floats) -> str:
     """Return triangles (f, 3, 3) as an STL file in ASCII."""
     lines = ["solid wall"]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= linear.norm(normals, axis=1, keepdims=True)
     for normal, triangle in zip(normals, corners, strict=True):
         lines += [f"facet normal {row_of(normal)}", "outer loop"]
         lines += [f"vertex {row_of(point)}" for point in triangle]

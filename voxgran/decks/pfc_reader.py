@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.engine import Held
@@ -136,8 +137,14 @@ def _clump(given: dict[str, list[Any]], template: dict[str, list[Any]]) -> tuple
     axis = np.array(given.get("axis", [1.0, 0.0, 0.0]))
     matrix = rotation_matrices(np.array([[math.cos(half), *(math.sin(half) * axis)]]))[0]
     moments = density * scale**5 * np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    centers = scale * pebbles[:, 1:] @ matrix.T + place
-    return density * volume, place, matrix @ moments @ matrix.T, centers, scale * pebbles[:, 0]
+    centers = linear.matmul(scale * pebbles[:, 1:], matrix.T) + place
+    return (
+        density * volume,
+        place,
+        linear.matmul(linear.matmul(matrix, moments), matrix.T),
+        centers,
+        scale * pebbles[:, 0],
+    )
 
 
 def _block(given: dict[str, list[Any]]) -> tuple[float, Floats, Floats, Floats, Floats]:

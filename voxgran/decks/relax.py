@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
@@ -286,9 +287,9 @@ class _History:
             {
                 "time": frame.time,
                 "kinetic_energy": frame.kinetic_energy * simulation.rest / simulation.rest_energy,
-                "mean_sinking": float((moved @ self._down).mean()),
-                "mean_displacement": float(np.linalg.norm(moved, axis=1).mean()),
-                "largest_displacement": float(np.linalg.norm(moved, axis=1).max()),
+                "mean_sinking": float(linear.matmul(moved, self._down).mean()),
+                "mean_displacement": float(linear.norm(moved, axis=1).mean()),
+                "largest_displacement": float(linear.norm(moved, axis=1).max()),
                 "coordination_number": float(degree.mean()),
                 "share_of_rattlers": float((degree + touching < few).mean()),
                 "solid_fraction": _slab_fraction(simulation, frame.position),
@@ -299,7 +300,7 @@ class _History:
     @property
     def _down(self) -> Floats:
         """Unit vector of gravity; 0 without."""
-        return self.simulation.gravity / (float(np.linalg.norm(self.simulation.gravity)) or 1.0)
+        return self.simulation.gravity / (float(linear.norm(self.simulation.gravity)) or 1.0)
 
     @property
     def gap(self) -> float:
@@ -312,7 +313,7 @@ class _History:
         bodies, walls = self.simulation.bodies, self.simulation.walls
         centers, radii, grain = bodies.spheres
         arms = centers - bodies.assembly.position[grain]
-        now = frame.position[grain] + np.einsum("sij,sj->si", frame.matrices[grain], arms)
+        now = frame.position[grain] + linear.einsum("sij,sj->si", frame.matrices[grain], arms)
         low, factors = walls.bounds[0], np.ones(3)
         if frame.bounds is not None:
             low, factors = frame.bounds[0], np.ptp(frame.bounds, axis=0) / np.ptp(walls.bounds, axis=0)
@@ -338,7 +339,7 @@ class _History:
         bulk = Regions(self.held).at(inset).grains(self.held)
         mine = bulk & self.held.movable
         mine = mine if mine.any() else self.held.movable
-        sunk = ((last.position - first.position)[mine] @ self._down).mean() / self.simulation.diameter
+        sunk = linear.matmul((last.position - first.position)[mine], self._down).mean() / self.simulation.diameter
         return Relaxation(
             engine=engine,
             sinking=float(sunk),
@@ -365,7 +366,7 @@ class _History:
             held,
             container=container,
             position=within_periods(position, container),
-            orientation=quaternions_of(last.matrices @ held.matrices),
+            orientation=quaternions_of(linear.matmul(last.matrices, held.matrices)),
             # little kinetic energy proves no rest
             stop_reason="count" if self.rests else "steps",
             provenance={**held.provenance, "relaxed": told},
@@ -422,7 +423,7 @@ def _slab_fraction(simulation: Simulation, position: Floats) -> float:
     sign = -float(np.sign(simulation.gravity[axis]))
     height = sign * (position[:, axis] - walls.bounds[0 if sign > 0 else 1, axis])
     radius = bodies.assembly.diameters / 2
-    order = np.argsort(height)
+    order = np.argsort(height, kind="stable")
     below = np.cumsum(bodies.assembly.volumes[order])
     top = float(height[order][np.searchsorted(below, HELD * below[-1])])
     bottom = INSET * simulation.diameter

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import Dataset
@@ -134,7 +135,7 @@ class Simulation:
         """
         if self.pressure:
             return math.sqrt(float(np.median(self.bodies.mass)) / (self.pressure * self.diameter))
-        return math.sqrt(self.diameter / (float(np.linalg.norm(self.gravity)) or GRAVITY))
+        return math.sqrt(self.diameter / (float(linear.norm(self.gravity)) or GRAVITY))
 
     @cached_property
     def platens(self) -> tuple[Platen, ...]:
@@ -196,7 +197,7 @@ class Simulation:
         if not len(radii):
             return 0.0
         i, j, image = near_pairs(centers, radii, 0.0, lower=walls.bounds[0], periods=walls.periods)
-        apart = np.linalg.norm(centers[j] + image @ walls.periods - centers[i], axis=1)
+        apart = linear.norm(centers[j] + linear.matmul(image, walls.periods) - centers[i], axis=1)
         depth = (radii[i] + radii[j] - apart)[grain[i] != grain[j]]
         beyond = (float((radii - distance).max()) for distance in walls.distances(centers))
         return max(0.0, float(depth.max(initial=0.0)), *beyond)
@@ -221,7 +222,7 @@ class Simulation:
         """Kinetic energy of all grains, J, below which the bed rests."""
         if self.pressure:
             return self.rest * self.pressure * self.diameter**3 * self.bodies.count
-        weight = float(np.median(self.bodies.mass)) * (float(np.linalg.norm(self.gravity)) or GRAVITY)
+        weight = float(np.median(self.bodies.mass)) * (float(linear.norm(self.gravity)) or GRAVITY)
         return self.rest * weight * self.diameter * int(self.bodies.assembly.movable.sum())
 
     def header(self, engine: str) -> list[str]:
@@ -317,7 +318,7 @@ def simulation_of(
     bonds = None if strength is None else _bonds(bodies, strength)
     gravity = np.zeros(3)
     if metric.gravity is not None:
-        gravity = acceleration * np.array(metric.gravity, dtype=float) / np.linalg.norm(metric.gravity)
+        gravity = acceleration * np.array(metric.gravity, dtype=float) / linear.norm(metric.gravity)
     diameter = float(np.median(metric.diameters))
     numbers: dict[str, Any] = {
         "density": bodies.assembly.mean_density,
@@ -352,7 +353,7 @@ def simulation_of(
 def _bonded_masses(bodies: Bodies, bonds: "Dataset") -> Floats:
     """Return the masses of spheres that a contact law has to move: less than they are where several bonds pull one."""
     _, radii, grain = bodies.spheres
-    share = radii**3 / np.bincount(grain, radii**3)[grain]
+    share = libm.power(radii, 3) / np.bincount(grain, libm.power(radii, 3))[grain]
     several = np.bincount(np.concatenate([bonds["first"].values, bonds["second"].values]), minlength=len(radii))
     # two for the stretch of each bond, and one for its shear and the rotation that this causes
     return np.asarray(bodies.mass[grain] * share / (1.5 * np.maximum(several, 2 / 3)))
@@ -380,7 +381,7 @@ def _load(bodies: Bodies, gravity: Floats, acceleration: float, pressure: float)
     if gravity.any():
         span = np.delete(np.diff(bodies.assembly.container.bounds, axis=0)[0], np.abs(gravity).argmax())
         pressure = float(weights.sum() / np.prod(span[span > 0]))
-    loads = np.maximum(weights, pressure * diameters ** (bodies.assembly.dimension - 1))
+    loads = np.maximum(weights, pressure * libm.power(diameters, bodies.assembly.dimension - 1))
     worst = int((loads / diameters).argmax())
     return float(loads[worst]), float(diameters[worst])
 
@@ -425,7 +426,7 @@ def _slowed(law: ContactLaw, bodies: Bodies, bonds: "Dataset") -> ContactLaw:
     step = law.stable_step
     if law.name == "hertz" and bonds.sizes["bond"]:
         centers = bodies.spheres[0]
-        length = np.linalg.norm(centers[bonds["second"].values] - centers[bonds["first"].values], axis=1)
+        length = linear.norm(centers[bonds["second"].values] - centers[bonds["first"].values], axis=1)
         area = bonds["area"].values
         stiffness = float((law.young_modulus * area / np.maximum(length, np.sqrt(area / math.pi))).max())
         lightest = float(_bonded_masses(bodies, bonds).min())

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.convex_bodies import is_convex
@@ -133,7 +134,7 @@ class Walls:
     def wrapped(self, points: Floats) -> tuple[Floats, Integers]:
         """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
         image = turns_of(points, self.bounds[0], self.periods)
-        return points - image @ self.periods, image
+        return points - linear.matmul(image, self.periods), image
 
     def distances(self, points: Floats, corners: "Floats | None" = None) -> list[Floats]:
         """Return the distances (n,) of points (n, 3) from each plane and other wall in closed form, positive within.
@@ -155,7 +156,7 @@ def planes_of(vertices: Floats, faces: Integers) -> Floats:
     """Return a point and the unit normal into a convex mesh (k, 2, 3) of each plane that its triangles lie in."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= linear.norm(normal, axis=1, keepdims=True)
     _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
     return np.stack([corners[first, 0], -normal[first]], axis=1)
 

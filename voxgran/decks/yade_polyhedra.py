@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -83,7 +84,7 @@ def corners(template: Template) -> list[str]:
     template : Template
         A polyhedron.
     """
-    rows = _corners_of(template) @ template.principal.axes
+    rows = linear.matmul(_corners_of(template), template.principal.axes)
     lines = [" ".join(repr(float(value)) for value in row) for row in rows]
     return [
         f"# {template.name}: corners x y z at the size of the shape, in its principal frame about the centroid",

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.morton import morton_order
@@ -44,7 +45,7 @@ def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
     if len(faces) < 2:
         return 0, marked
     low, high = box_of(vertices)
-    diagonal = float(np.linalg.norm(high - low))
+    diagonal = float(linear.norm(high - low))
     if diagonal == 0.0:
         return 0, marked
     corners = ((vertices - (low + high) / 2) / diagonal).take(faces, axis=0)

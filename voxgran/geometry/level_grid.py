@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.periods import slopes_of
@@ -63,7 +64,7 @@ def level_cells(lengths: Floats, periods: Floats, reach: Floats, dimension: int)
 
     lengths: of the bounds of the container.  periods: (3, 3) vectors by which it repeats.
     """
-    level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
+    level = np.floor(libm.log2(reach.max() / reach)).astype(np.int64)
     used, level, number = np.unique(level, return_inverse=True, return_counts=True)
     largest = np.array([reach[level == k].max() for k in range(len(used))])
     rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
@@ -79,7 +80,7 @@ def cells_of(lengths: Floats, periods: Floats, reach: Floats, number: Integers, 
     span, wide = np.where(axes, lengths, 1.0), np.where(axes & (reach > 0.0), reach, np.inf)
     full = np.maximum(np.floor(span / (2 * wide)), 1)
     # about as many cells as grains, of one shape
-    share = np.minimum(1.0, (SPARE * number / full.prod(axis=1)) ** (1.0 / dimension))
+    share = np.minimum(1.0, libm.power(SPARE * number / full.prod(axis=1), 1.0 / dimension))
     count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
     wraps = np.tile(periods.diagonal() > 0.0, (len(number), 1)).astype(np.int64)
     return empty_grid(periods, reach, np.ascontiguousarray(span / count), count, wraps, int(number.sum()))

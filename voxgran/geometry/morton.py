@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 
 #: grains from which on a bed and its contacts are larger than the caches of a processor
@@ -49,7 +50,7 @@ def layered_order(position: Floats, down: Floats) -> Integers:
     the longest horizontal side, as many as there are blocks, or half or a quarter of them and so on where slabs would
     be narrow; in each slab they are in layers, and in each layer along the Morton curve.
     """
-    height, blocks = -(position @ down), block_count(len(position))
+    height, blocks = -linear.matmul(position, down), block_count(len(position))
     if blocks == 1:
         return np.argsort(height, kind="stable")
     upright = int(np.abs(down).argmax())

@@ -7,6 +7,7 @@ one, follow from those along the axes by three slopes, which are 0 in an upright
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 
 #: no axis repeats
@@ -40,7 +41,7 @@ def wrapped(points: Floats, lower: Floats, periods: Floats) -> Floats:
     """Return points (n, 3) brought into the cell with a lower corner."""
     for _ in range(2):
         # what lies below the cell by rounding is moved to its upper end, and from there to the lower one
-        points = points - turns_of(points, lower, periods) @ periods
+        points = points - linear.matmul(turns_of(points, lower, periods), periods)
     return points
 
 
@@ -61,13 +62,13 @@ def nearest_turns(away: Floats, periods: Floats) -> Integers:
     if not slopes_of(periods).any():
         return turns
     rows = reduced_periods(periods)
-    numbers = np.rint(rows @ np.linalg.pinv(periods)).astype(np.int64)
-    steps = (np.indices((3,) * len(rows)).reshape(len(rows), -1).T - 1) @ numbers
+    numbers = np.rint(linear.matmul(rows, linear.pseudoinverse(periods))).astype(np.int64)
+    steps = linear.matmul(np.indices((3,) * len(rows)).reshape(len(rows), -1).T - 1, numbers)
     moved = np.arange(len(away))
     while len(moved):
         # what none of these steps brings nearer is nearest: they hold all vectors that bound a cell of Voronoi
-        left = away[moved] - turns[moved] @ periods
-        square = np.square(left[:, None] - steps @ periods).sum(axis=2)
+        left = away[moved] - linear.matmul(turns[moved], periods)
+        square = np.square(left[:, None] - linear.matmul(steps, periods)).sum(axis=2)
         best = square.argmin(axis=1)
         nearer = square[np.arange(len(moved)), best] < np.square(left).sum(axis=1)
         moved, best = moved[nearer], best[nearer]
@@ -91,7 +92,7 @@ def _step_by_step(left: Floats, periods: Floats, rounded: np.ufunc) -> Integers:
 
 def shortest_period(periods: Floats) -> float:
     """Return the length of the shortest sum of periods, which is that of the shortest one in an upright cell."""
-    return float(np.linalg.norm(reduced_periods(periods), axis=1).min(initial=np.inf))
+    return float(linear.norm(reduced_periods(periods), axis=1).min(initial=np.inf))
 
 
 def reduced_periods(periods: Floats) -> Floats:
@@ -103,13 +104,13 @@ def reduced_periods(periods: Floats) -> Floats:
     """
     rows = periods[periods.diagonal() > 0.0]
     while slopes_of(periods).any():
-        rows, longest = rows[np.argsort(np.linalg.norm(rows, axis=1))], np.linalg.norm(rows, axis=1).max()
+        rows, longest = rows[np.argsort(linear.norm(rows, axis=1), kind="stable")], linear.norm(rows, axis=1).max()
         for k in range(1, len(rows)):
-            about = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
+            about = linear.matmul(linear.pseudoinverse(rows[:k].T), rows[k])
             steps = np.rint(about) + np.indices((3,) * k).reshape(k, -1).T - 1
-            others = rows[k] - steps @ rows[:k]
-            best = others[np.linalg.norm(others, axis=1).argmin()]
-            if np.linalg.norm(best) < np.linalg.norm(rows[k]) - 1e-12 * longest:
+            others = rows[k] - linear.matmul(steps, rows[:k])
+            best = others[linear.norm(others, axis=1).argmin()]
+            if linear.norm(best) < linear.norm(rows[k]) - 1e-12 * longest:
                 rows[k] = best
                 break
         else:

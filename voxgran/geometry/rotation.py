@@ -5,6 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
@@ -64,7 +65,7 @@ def stretch_of(matrix: Floats) -> float:
 
 def normalized(quaternions: Floats) -> Floats:
     """Return quaternions of length 1 with w >= 0."""
-    unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    unit = quaternions / linear.norm(quaternions, axis=-1, keepdims=True)
     return np.where(unit[..., :1] < 0, -unit, unit)
 
 
@@ -91,7 +92,7 @@ def rotations_between(start: Floats, end: Floats) -> Floats:
     """
     across = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=1)])
     back = (start * end).sum(axis=1) < 0.0
-    first = np.column_stack([np.zeros(len(start)), across / np.linalg.norm(across, axis=1, keepdims=True)])
+    first = np.column_stack([np.zeros(len(start)), across / linear.norm(across, axis=1, keepdims=True)])
     first[~back] = [1.0, 0.0, 0.0, 0.0]
     between = np.where(back[:, None], -start, start)
     least = np.column_stack([1.0 + (between * end).sum(axis=1), np.cross(between, end)])
@@ -113,7 +114,8 @@ def random_rotations(generator: np.random.Generator, count: int) -> Floats:
     first, second = 2 * np.pi * v, 2 * np.pi * w
     return normalized(
         np.stack(
-            [inner * np.cos(second), outer * np.sin(first), outer * np.cos(first), inner * np.sin(second)], axis=-1
+            [inner * libm.cos(second), outer * libm.sin(first), outer * libm.cos(first), inner * libm.sin(second)],
+            axis=-1,
         )
     )
 
@@ -125,7 +127,7 @@ def lattice_rotations() -> np.ndarray[tuple[int, int, int], np.dtype[np.int64]]:
         for signs in np.array(np.meshgrid([1, -1], [1, -1], [1, -1], indexing="ij")).reshape(3, -1).T:
             matrix = np.zeros((3, 3), dtype=np.int64)
             matrix[np.arange(3), axes] = signs
-            if round(float(np.linalg.det(matrix))) == 1:
+            if round(float(linear.determinant(matrix))) == 1:
                 found.append(matrix)
     return np.array(found)
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import at_once, blocks_of
 from voxgran._base.errors import InputError
@@ -110,7 +111,7 @@ class Placed(NamedTuple):
 def _placed(centers: Floats, radii: Floats, lower: Floats, periods: Floats) -> tuple[Placed, Integers]:
     """Return spheres in the bounds, and by how many periods (n, 3) they were moved there."""
     turns, lengths = turns_of(centers, lower, periods), periods.diagonal()
-    wraps, moved = lengths > 0.0, centers - turns @ periods
+    wraps, moved = lengths > 0.0, centers - linear.matmul(turns, periods)
     low = np.where(wraps, lower, moved.min(axis=0))
     span = np.where(wraps, lengths, np.maximum(moved.max(axis=0) - low, 1e-300))
     return Placed(moved, radii, low, span, periods), turns
@@ -119,7 +120,7 @@ def _placed(centers: Floats, radii: Floats, lower: Floats, periods: Floats) -> t
 def _classes(reach: Floats) -> Integers:
     """Return the classes (n,) of similar sizes, 0 for the largest."""
     most = reach.max()
-    return np.asarray(np.floor(np.log2(most / np.maximum(reach, 1e-18 * most) + 1e-300) / CLASS).astype(np.int64))
+    return np.asarray(np.floor(libm.log2(most / np.maximum(reach, 1e-18 * most) + 1e-300) / CLASS).astype(np.int64))
 
 
 def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float) -> Integers:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
@@ -76,7 +77,7 @@ class TriangleTree:
     @property
     def size(self) -> float:
         """Diagonal of the box around all."""
-        return float(np.linalg.norm(self.high[0] - self.low[0]))
+        return float(linear.norm(self.high[0] - self.low[0]))
 
     def nearest(self, points: Floats, *, reach: float = math.inf) -> tuple[Floats, Floats, Integers]:
         """Return for (n, 3) points the distances from the surface, negative inside, nearest points and triangles of the
@@ -139,26 +140,26 @@ def turned_boxes(corners: Floats, start: Integers) -> Floats:
     """
     origin = corners.reshape(-1, 3).mean(axis=0)
     points, straight = corners - origin, np.eye(3)
-    moments, sums = np.einsum("mci,mcj->mij", points, points), points.sum(axis=1)
+    moments, sums = linear.einsum("mci,mcj->mij", points, points), points.sum(axis=1)
     found = []
     for first, last in ((2**level - 1, 2 ** (level + 1) - 1) for level in range(len(start).bit_length())):
         begin, count = start[first:last, 0], np.diff(start[first:last], axis=1)[:, 0]
         mean = np.add.reduceat(sums, begin) / (3 * count[:, None])
         spread = np.add.reduceat(moments, begin) / (3 * count[:, None, None])
-        axes = np.linalg.eigh(spread - mean[:, :, None] * mean[:, None, :])[1].transpose(0, 2, 1)
+        axes = linear.eigh(spread - mean[:, :, None] * mean[:, None, :])[1].transpose(0, 2, 1)
         turned = _extents(points, axes, begin, count)
         plain = _extents(points, np.broadcast_to(straight, axes.shape), begin, count)
         better = _box_surface(turned[1] - turned[0]) < _box_surface(plain[1] - plain[0])
         axes = np.where(better[:, None, None], axes, straight)
         low, high = (np.where(better[:, None], one, other) for one, other in zip(turned, plain, strict=True))
-        middle = np.einsum("ki,kij->kj", (low + high) / 2, axes) + origin
+        middle = linear.einsum("ki,kij->kj", (low + high) / 2, axes) + origin
         found.append(np.concatenate([middle[:, None], axes, (high - low)[:, None] / 2], axis=1))
     return read_only(np.concatenate(found))
 
 
 def _extents(points: Floats, axes: Floats, begin: Integers, count: Integers) -> tuple[Floats, Floats]:
     """Return the lowest and highest coordinates (k, 3) along the axes (k, 3, 3) of ranges of triangles (m, 3, 3)."""
-    along = points @ np.repeat(axes, count, axis=0).transpose(0, 2, 1)
+    along = linear.matmul(points, np.repeat(axes, count, axis=0).transpose(0, 2, 1))
     return np.minimum.reduceat(along.min(axis=1), begin), np.maximum.reduceat(along.max(axis=1), begin)
 
 
@@ -178,7 +179,7 @@ def _pseudo_normals(corners: Floats, faces: Integers) -> Floats:
     end = np.roll(faces, -1, axis=1)
     key = np.minimum(faces, end) * (int(faces.max(initial=0)) + 1) + np.maximum(faces, end)
     edge = np.unique(key, return_inverse=True)[1].reshape(faces.shape)
-    angle = np.arctan2(sine, cosine)
+    angle = libm.arctan2(sine, cosine)
     found = np.empty((len(faces), 7, 3))
     for k in range(3):
         found[:, 0, k] = normal[k]

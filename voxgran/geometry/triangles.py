@@ -7,6 +7,7 @@ its edges ab, bc, ca and 4 to 6 for its corners a, b, c.
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, along, corner_of, cross, dot, sub
@@ -23,13 +24,13 @@ def normals_of(triangles: Floats) -> Floats:
 
 def areas_of(triangles: Floats) -> Floats:
     """Return the areas of (m, 3, 3) triangles, (m,)."""
-    return np.asarray(np.linalg.norm(normals_of(triangles), axis=1) / 2)
+    return np.asarray(linear.norm(normals_of(triangles), axis=1) / 2)
 
 
 def enclosed_volume(vertices: Floats, faces: Integers) -> float:
     """Return the volume that closed triangles enclose; it is most accurate where the origin lies among them."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+    return float(linear.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 @bare_kernel

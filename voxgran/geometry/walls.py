@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.vectors import Vector, along, dot, times, vector_at
@@ -75,7 +76,7 @@ class Round(NamedTuple):
         if np.count_nonzero(away) == 1 and away.max() == 1.0:
             return np.roll(np.eye(3), int(away.argmax()) - 2, axis=1)
         first = np.cross(away, np.eye(3)[np.abs(away).argmin()])
-        first /= np.linalg.norm(first)
+        first /= linear.norm(first)
         return np.stack([first, np.cross(away, first), away])
 
     @property
@@ -91,8 +92,8 @@ class Round(NamedTuple):
     def reach(self, away: Floats) -> Floats:
         """Return the reach (n,) of points by their places (n, 3) relative to the center."""
         if not self.is_upright:
-            away = away @ self.frame.T
-        return np.asarray(self.cosine * np.linalg.norm(away[:, : self.axes], axis=1) + self.sine * away[:, 2])
+            away = linear.matmul(away, self.frame.T)
+        return np.asarray(self.cosine * linear.norm(away[:, : self.axes], axis=1) + self.sine * away[:, 2])
 
     def along(self, points: Floats, axes: tuple[int, int, int]) -> tuple[Floats, Floats]:
         """Return between which distances from points (n, 3), along the last one of the axes, lines are inside.
@@ -101,28 +102,31 @@ class Round(NamedTuple):
         """
         frame = np.eye(3) if self.is_upright else self.frame
         away = points - np.array(self.center)
-        away = away if self.is_upright else away @ frame.T
+        away = away if self.is_upright else linear.matmul(away, frame.T)
         way, flat = frame[: self.axes, axes[2]], away[:, : self.axes]
-        slope, square = self.sine * float(frame[2, axes[2]]), self.cosine**2 * float(way @ way)
+        slope, square = self.sine * float(frame[2, axes[2]]), self.cosine**2 * float(linear.matmul(way, way))
         # what the cosine times the distance from the axis may be, at the points
         room = self.radius - self.sine * away[:, 2]
         if not square:
-            room = room - self.cosine * np.linalg.norm(flat, axis=1)
+            room = room - self.cosine * linear.norm(flat, axis=1)
             if not slope:
                 end = np.where(room >= 0, np.inf, np.nan)
                 return -end, end
             open_end = np.full(len(room), -np.inf if slope > 0 else np.inf)
             return np.minimum(room / slope, open_end), np.maximum(room / slope, open_end)
         if not slope:
-            middle = -(flat @ way) / (way @ way)
+            middle = -linear.matmul(flat, way) / linear.matmul(way, way)
             rest = np.maximum(room / self.cosine, 0.0) ** 2
             for k in range(self.axes):
                 rest = rest - (flat[:, k] + middle * way[k]) ** 2
-            half = np.sqrt(np.where(rest > 0, rest, np.nan) / (way @ way))
+            half = np.sqrt(np.where(rest > 0, rest, np.nan) / linear.matmul(way, way))
             return middle - half, middle + half
         # both nappes of the cone: (square - slope^2) t^2 + 2 b t + c <= 0
         a = square - slope**2
-        b, c = self.cosine**2 * (flat @ way) + room * slope, self.cosine**2 * (flat**2).sum(axis=1) - room**2
+        b, c = (
+            self.cosine**2 * linear.matmul(flat, way) + room * slope,
+            self.cosine**2 * (flat**2).sum(axis=1) - room**2,
+        )
         rest = b * b - a * c
         root = np.sqrt(np.where(rest > 0, rest, 0.0 if a < 0 else np.nan))
         both = np.sort(np.stack([-b - root, -b + root]) / a, axis=0)

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
@@ -284,7 +285,7 @@ def _by_place(table: Floats, path: Path) -> tuple[Any, Any, Any]:
     normals = table[:, 3:6] if width in (6, 7) else None
     grain = table[:, -1] if width in (4, 7) else None
     doubt = width not in (3, 4, 6, 7)
-    doubt |= normals is not None and bool((np.abs(np.linalg.norm(normals, axis=1) - 1.0) > UNIT).any())
+    doubt |= normals is not None and bool((np.abs(linear.norm(normals, axis=1) - 1.0) > UNIT).any())
     doubt |= grain is not None and bool((grain != np.rint(grain)).any())
     if doubt:
         raise FileFormatError(
@@ -314,7 +315,7 @@ def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
         if not len(mine):
             continue
         body = np.asarray(sample_surface(shape, spacing=edge / float(packing.scale[mine].max()), seed=k))
-        placed = np.einsum("gij,pj->gpi", matrices[mine], body) * packing.scale[mine, None, None]
+        placed = linear.einsum("gij,pj->gpi", matrices[mine], body) * packing.scale[mine, None, None]
         points.append((placed + packing.position[mine, None]).reshape(-1, 3))
         grains.append(np.repeat(mine, len(body)))
     order = np.argsort(np.concatenate(grains), kind="stable")

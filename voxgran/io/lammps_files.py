@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.contacts.assembly import NOT_STATED
@@ -223,7 +224,7 @@ def _columns(table: Floats, columns: list[str], bounds: Floats, tilt: Floats, pa
             if scaled:
                 edges = np.diag(bounds[:, 1] - bounds[:, 0])
                 edges[np.tril_indices(3, -1)] = tilt
-                centers = bounds[:, 0] + centers @ edges
+                centers = bounds[:, 0] + linear.matmul(centers, edges)
             for name in (*names, "radius", "diameter", "id"):
                 if columns.count(name) > 1:
                     raise FileFormatError(

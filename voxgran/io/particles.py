@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn, with_article
@@ -308,7 +309,7 @@ def _warn_of_a_clump(particles: Particles, path: Path) -> None:
     if not 2 <= len(radii) <= MOST_OF_A_CLUMP:
         return
     i, j, _ = near_pairs(centers, radii, 0.0)
-    depth = radii[i] + radii[j] - np.linalg.norm(centers[j] - centers[i], axis=1)
+    depth = radii[i] + radii[j] - linear.norm(centers[j] - centers[i], axis=1)
     deep = depth > DEEP * np.minimum(radii[i], radii[j])
     count = len(np.union1d(i[deep], j[deep]))
     if count > len(radii) / 2:
@@ -396,19 +397,11 @@ def _as_clump(
         body, same = templates[k]
         if len(body) != len(local) or np.abs(same - radii).max() > SAME * size:
             continue
-        turn = _turn_between(body, local)
-        if np.abs(body @ turn.T - local).max() <= SAME * size:
+        turn = linear.nearest_rotations(linear.matmul(local.T, body))
+        if np.abs(linear.matmul(body, turn.T) - local).max() <= SAME * size:
             offset = np.array(shapes[k].offset)
-            return k, 1.0, turn @ offset + middle, quaternions_of(turn[None])[0]
+            return k, 1.0, linear.matmul(turn, offset) + middle, quaternions_of(turn[None])[0]
     shape = Shape.of(Spheres(local, radii), name=f"clump {len(shapes)}")
     shapes.append(shape)
     templates.append((local, radii))
     return len(shapes) - 1, 1.0, np.array(shape.offset) + middle, np.array([1.0, 0.0, 0.0, 0.0])
-
-
-def _turn_between(body: Floats, local: Floats) -> Floats:
-    """Return the rotation that takes points best to others (Kabsch 1976, doi:10.1107/S0567739476001873)."""
-    left, _, right = np.linalg.svd(local.T @ body)
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn: Floats = left @ flip @ right
-    return turn

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
@@ -207,7 +208,7 @@ def _lid(record: Record) -> Lid | None:
     if "lid" not in record.arrays:
         return None
     values = as_floats(record.arrays["lid"], "lid", shape=(4,))
-    if abs(np.linalg.norm(values[:3]) - 1.0) > 1e-9:
+    if abs(linear.norm(values[:3]) - 1.0) > 1e-9:
         raise FileFormatError(
             f"the normal of the lid is {values[:3].tolist()}: it must be a unit vector; write it again"
         )

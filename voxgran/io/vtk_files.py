@@ -13,6 +13,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
@@ -264,7 +265,7 @@ def _sphere_points(packing: Packing) -> Any:
 def _contact_lines(packing: Packing, gap: float) -> Any:
     """Return contacts as lines between centroids; across a periodic face the line leaves the container."""
     contacts = packing.contacts(gap)
-    partner = packing.position[contacts.j] + contacts.image @ periods_of(packing.container)
+    partner = packing.position[contacts.j] + linear.matmul(contacts.image, periods_of(packing.container))
     ends = np.stack([packing.position[contacts.i], partner], axis=1).reshape(-1, 3)
     data = poly_data(ends, "Lines", np.arange(len(ends)).reshape(-1, 2))
     values = {name: getattr(contacts, name) for name in ("i", "j", "gap", "normal", "point")}

@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
+from voxgran._base.scalars import cube_root
 from voxgran.io.particles import (
     Particles,
     box_of,
@@ -168,8 +170,8 @@ def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:
                 f"{place.with_suffix('.nfo')}: the final porosity is {porosity:g}, which must be between 0 and 1; "
                 "mend the file, or move it away"
             )
-        solid = 4.0 / 3.0 * np.pi * float((radii**3).sum())
-        factor = float(np.cbrt((1.0 - porosity) * container.volume / solid))
+        solid = 4.0 / 3.0 * np.pi * float(libm.power(radii, 3).sum())
+        factor = cube_root(float((1.0 - porosity) * container.volume / solid))
         radii = radii * factor
         assumed["sizes"] = (
             f"diameters, multiplied by {factor:.9g} to the final porosity {porosity:.9g} of the .nfo file"

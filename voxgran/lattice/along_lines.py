@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
@@ -116,8 +117,8 @@ def _chords(lines: Booleans, periodic: bool) -> Floats:
     if not len(begins) or not len(ends):
         return np.zeros(0)
     width = lines.shape[2]
-    start = begins @ (lines.shape[1] * width, width, 1)
-    stop = ends @ (lines.shape[1] * width, width, 1)
+    start = linear.matmul(begins, (lines.shape[1] * width, width, 1))
+    stop = linear.matmul(ends, (lines.shape[1] * width, width, 1))
     after = np.searchsorted(stop, start)
     stops = stop[np.minimum(after, len(stop) - 1)]
     whole = (after < len(stop)) & (stops // width == start // width)

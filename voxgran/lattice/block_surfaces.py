@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.lattice.census import Census
 from voxgran.lattice.image import of_blocks, window
@@ -99,7 +100,7 @@ def _planes(block: NDArray[Any], start: Integers, some: Integers, axis: int) -> 
 
 def _edges(found: Census, some: Integers, shape: Integers) -> Integers:
     """Return edges in voxels of cells, (3,), for which windows take the memory that they may, if grains lie evenly."""
-    points = FACES * float((found.count[some] ** (2 / 3)).sum()) / float(shape.prod())
+    points = FACES * float(libm.power(found.count[some], 2 / 3).sum()) / float(shape.prod())
     window = (BUDGET / max(READ, SMOOTHED * points)) ** (1 / 3)
     edge = max(window - 2 * MARGIN - float((found.upper[some] - found.lower[some]).mean()), LEAST)
     return np.asarray(np.ceil(shape / np.ceil(shape / edge)), dtype=np.int64)

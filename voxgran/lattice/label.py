@@ -114,7 +114,7 @@ def _of_blocks(mask: Any, rank: int, periodic: tuple[bool, bool, bool]) -> tuple
     first = np.full(int(joined.max()) + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, joined, np.concatenate([[-1], *places]))
     number = np.empty(len(first), dtype=np.int32)
-    number[np.argsort(first)] = np.arange(len(first))
+    number[np.argsort(first, kind="stable")] = np.arange(len(first))
     table = number[joined]
     return nodes.map_blocks(lambda block: table[block], dtype=np.int32), len(first) - 1
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -185,9 +186,8 @@ def _pressures(found: Findings, missing: Floats) -> Floats:
     diagonal = np.maximum(found.diagonal, 1e-30) * (1 + SLACK)
     system = half + half.T + sparse.diags_array(diagonal)
     # pressures that are all equal move nothing: what rounding leaves of the volumes cannot be solved for
-    rounding, scale = ROUNDING * float(np.abs(missing).max()), sparse.diags_array(1 / diagonal)
-    solved: Floats = load("scipy.sparse.linalg").cg(system, missing, rtol=1e-6, atol=rounding, M=scale)[0]
-    return solved
+    rounding = ROUNDING * float(np.abs(missing).max())
+    return linear.conjugate_gradient(system, missing, relative=1e-6, absolute=rounding)
 
 
 @kernel

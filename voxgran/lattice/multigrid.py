@@ -38,12 +38,12 @@ def flow_between(conductance: Floats, inlet: Floats, outlet: Floats, potential: 
     levels = _levels(conductance, inlet + outlet)
     product, ahead = np.zeros(potential.shape), np.zeros(potential.shape)
     _multiply(*levels[0], potential, product)
-    dissipation = float(np.vdot(product, potential) - 2 * np.vdot(inlet, potential) + inlet.sum())
+    dissipation = float(((product - 2 * inlet) * potential).sum() + inlet.sum())
     residual = inlet - product
     drops, before = [np.inf] * DELAY, 1.0
     for step in range(MOST_STEPS):
         better = _cycle(levels, residual)
-        now = float(np.vdot(residual, better))
+        now = float((residual * better).sum())
         if now <= 0.0 or sum(drops[-DELAY:]) <= ACCURACY * dissipation:
             break
         ahead *= now / before if step else 0.0

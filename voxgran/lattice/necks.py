@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 
@@ -70,16 +71,16 @@ def relative_sizes(volumes: Floats, among: Floats) -> Floats:
     """
     if not len(among):
         return np.zeros(len(volumes))
-    low, middle, high = np.quantile(np.log(among), (0.25, 0.5, 0.75))
-    size = (np.log(volumes) - middle) / max((high - low) / 1.349, SPREAD)
+    low, middle, high = np.quantile(libm.log(among), (0.25, 0.5, 0.75))
+    size = (libm.log(volumes) - middle) / max((high - low) / 1.349, SPREAD)
     return np.asarray(np.clip(size, *SIZES) * len(among) / (len(among) + FEW))
 
 
 def doubt(ratio: Floats, excess: Floats, size: Floats, within: Any) -> Floats:
     """Return the probability, (n,), that two parts were parted, or joined where `within`, wrongly."""
     terms = np.stack([ratio, excess, size, np.ones(len(ratio))], axis=1)
-    odds = np.where(within, terms @ np.array(JOINED), terms @ np.array(PARTED))
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0))))
+    odds = np.where(within, linear.matmul(terms, np.array(JOINED)), linear.matmul(terms, np.array(PARTED)))
+    return np.asarray(1.0 / (1.0 + libm.exp(-np.clip(odds, -50.0, 50.0))))
 
 
 def _excess(one: Integers, other: Integers) -> Floats:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 
 Words = NDArray[np.uint64]
@@ -70,9 +71,9 @@ class PackedMask:
         for begin, words in self._blocks():
             counts = np.bitwise_count(words).astype(np.int64)
             total += int(counts.sum())
-            moment[0] += float(counts.sum(axis=(1, 2)) @ np.arange(begin, begin + len(words)))
-            moment[1] += float(counts.sum(axis=(0, 2)) @ np.arange(words.shape[1]))
-            moment[2] += float(counts.sum(axis=(0, 1)) @ (64 * np.arange(words.shape[2])))
+            moment[0] += float(linear.matmul(counts.sum(axis=(1, 2)), np.arange(begin, begin + len(words))))
+            moment[1] += float(linear.matmul(counts.sum(axis=(0, 2)), np.arange(words.shape[1])))
+            moment[2] += float(linear.matmul(counts.sum(axis=(0, 1)), 64 * np.arange(words.shape[2])))
             for power, digit in enumerate(digits):
                 moment[2] += float(2**power * np.bitwise_count(words & digit).sum(dtype=np.int64))
         return moment / total + 0.5 if total else np.full(3, np.nan)

@@ -161,7 +161,7 @@ def _means(given: Any, counts: list[int], parts: list[tuple[int, int]]) -> Any:
 def _along(mean: Floats, shares: Any, axis: int) -> Floats:
     """Return the sums, along an axis, of some shares (many, n) of the values."""
     lines = np.moveaxis(mean, axis, 0)
-    flat = shares @ lines.reshape(len(lines), -1)
+    flat = shares @ lines.reshape(len(lines), -1)  # bits: sparse
     return np.moveaxis(flat.reshape(-1, *lines.shape[1:]), 0, axis)
 
 

@@ -47,6 +47,7 @@ from voxgran.lattice.necks import (
     tally,
     widest,
 )
+from voxgran.lattice.smoothing import smoothed
 
 #: largest score of two grains, where no separation is given
 NECK = 0.9
@@ -252,7 +253,7 @@ def _basins(solid: Any, edges: Edges | None) -> tuple[Any, Basins]:
     ndimage = load("scipy.ndimage")
     distance = distance_to_void(solid, edges)
     # steps of the voxel surface would otherwise be bumps, and bend the surfaces between grains
-    distance = ndimage.gaussian_filter(distance, SMOOTH) * solid
+    distance = smoothed(distance, SMOOTH) * solid
     seeds, count = ndimage.label(_skimage("morphology").local_maxima(distance) & solid, np.ones((3, 3, 3)))
     labels = _skimage("segmentation").watershed(-distance, seeds, mask=solid)
     moments, peak = tally(labels, distance, np.zeros(3, dtype=np.int64), count)
@@ -336,7 +337,7 @@ def border_of(labels: Any, solid: Any, edges: Edges | None, smooth: float) -> It
     """Yield the labels and the smoothed distances to the void within each of the six planes of the border."""
     for axis, side in itertools.product(range(3), (slice(1), slice(-1, None))):
         plane, mask = (np.asarray(each[(slice(None),) * axis + (side,)]) for each in (labels, solid))
-        yield plane, load("scipy.ndimage").gaussian_filter(distance_to_void(mask, edges), smooth) * mask
+        yield plane, smoothed(distance_to_void(mask, edges), smooth) * mask
 
 
 def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Basins]:
@@ -344,15 +345,15 @@ def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Basi
 
     `smooth` is the standard deviation, in voxels, over which the distance is smoothed.
     """
-    ndimage, step = load("scipy.ndimage"), edges or (1.0, 1.0, 1.0)
+    step = edges or (1.0, 1.0, 1.0)
     maxima = load("skimage.morphology").local_maxima
     sharp: Any = kept(distance_to_void(solid, edges).rechunk(solid.chunks))
 
-    def smoothed(far: NDArray[Any], mask: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(ndimage.gaussian_filter(far, smooth) * mask)
+    def masked(far: NDArray[Any], mask: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(smoothed(far, smooth) * mask)
 
     # the reach of the Gaussian of SciPy, which reflects at the border of the image as here at its own
-    distance = kept(windowed([sharp, solid], smoothed, (int(4 * smooth + 0.5),) * 3, np.float32))
+    distance = kept(windowed([sharp, solid], masked, (int(4 * smooth + 0.5),) * 3, np.float32))
     del sharp
     width = 2 * float(distance.max()) + 3 * max(step)
     near = [min(math.ceil(width / 2 / edge), n) for edge, n in zip(step, solid.shape, strict=True)]

@@ -15,8 +15,10 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.scalars import cube_root
 from voxgran.geometry.triangles import enclosed_volume
 from voxgran.lattice.image import block_library, histogram_of, lazy_of, not_finite, of_blocks
+from voxgran.lattice.smoothing import smoothed
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4
@@ -122,7 +124,7 @@ def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, I
     cavities inward. The enclosed volume is the number of voxels.
     """
     ring = int(np.ceil(3 * smoothing)) + 1
-    field = load("scipy.ndimage").gaussian_filter(np.pad(mask, ring).astype(np.float64), smoothing, truncate=3.0)
+    field = smoothed(np.pad(mask, ring).astype(np.float64), smoothing, truncate=3.0)
     vertices, faces = _surface_of_volume(field, float(mask.sum()))
     return vertices - ring, faces
 
@@ -147,7 +149,7 @@ def _surface_of_volume(field: Any, wanted: float) -> tuple[Floats, Integers]:
         share = above[1] / (above[1] - below[1]) if np.isfinite(above[1]) else 0.5
         level = above[0] + min(max(share, 0.05), 0.95) * (below[0] - above[0])
     middle = vertices.mean(axis=0)
-    stretch = np.cbrt(wanted / enclosed_volume(vertices - vertices.mean(axis=0), faces))
+    stretch = cube_root(wanted / enclosed_volume(vertices - vertices.mean(axis=0), faces))
     return (vertices - middle) * stretch + middle, faces
 
 

@@ -170,7 +170,7 @@ def cover(mask: Booleans, spheres: Floats, around: tuple[bool, bool, bool]) -> F
             for shift, inside in ((turn * n, place + turn * n - reach < n), (-turn * n, place - turn * n + reach > -1)):
                 parts.append(spheres[inside] + np.array([shift if k == axis else 0.0 for k in range(4)]))
         spheres = np.concatenate(parts)
-    spheres = np.ascontiguousarray(spheres[np.argsort(-spheres[:, 3])])
+    spheres = np.ascontiguousarray(spheres[np.argsort(-spheres[:, 3], kind="stable")])
     covered = np.zeros(mask.shape)
     for low in np.ndindex(*(-(-n // WIDTH) for n in mask.shape)):
         lower = np.array(low) * WIDTH

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import FLAT, kernel_container
@@ -160,11 +161,11 @@ def _pieces(vertices: Floats, faces: Integers, *, flat: bool) -> tuple[Floats, F
         normals[:, 1], normals[:, 2], normals[:, 3] = -np.cross(a, b), -np.cross(b, c), -np.cross(c, a)
         sign = np.sign((normals[:, 0] * a).sum(axis=1))
     normals *= sign[:, None, None]
-    length = np.linalg.norm(normals, axis=2)
+    length = linear.norm(normals, axis=2)
     thick = (sign != 0) & (length[:, : 3 if flat else 4] > 0).all(axis=1)
     normals /= np.where(length > 0, length, 1.0)[..., None]
     offsets[:, 0] = (normals[:, 0] * a).sum(axis=1)
-    offsets[:, : 3 if flat else 4] += (normals @ middle)[:, : 3 if flat else 4]
+    offsets[:, : 3 if flat else 4] += linear.matmul(normals, middle)[:, : 3 if flat else 4]
     return np.concatenate([normals, offsets[..., None]], axis=2)[thick], sign[thick]
 
 

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, boundary_of
@@ -186,7 +187,7 @@ def spheres_of(packing: Packing, index: int) -> tuple[Floats, Floats] | None:
         return None
     grains = np.flatnonzero(packing.shape_id == index)
     scale = packing.scale[grains]
-    centers = np.einsum("gij,sj->gsi", packing.matrices[grains], spheres[0]) * scale[:, None, None]
+    centers = linear.einsum("gij,sj->gsi", packing.matrices[grains], spheres[0]) * scale[:, None, None]
     return (centers + packing.position[grains][:, None]).reshape(-1, 3), (scale[:, None] * spheres[1]).ravel()
 
 

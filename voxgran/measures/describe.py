@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, check_known, warn
@@ -85,7 +86,7 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
         entry, found = DESCRIPTORS[name], values[name]
         power = entry.power_in(dimension)
         if isinstance(what, Packing):
-            found = found[what.shape_id] * what.scale**power
+            found = found[what.shape_id] * libm.power(what.scale, power)
         units = "1" if unit == "1" or not power else unit if power == 1 else f"{unit}^{power}"
         dims, data, attributes = variable((row,), found, units, entry.long_name)
         told = {"formula": entry.formula} | ({"source": entry.source} if entry.source else {})

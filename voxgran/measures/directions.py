@@ -20,6 +20,7 @@ from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 
 #: factor of the traceless part in the tensor D, squared norm of the traceless part for a single direction, and factor
@@ -83,7 +84,7 @@ def fabric_of(vectors: Floats, weights: Floats | None = None, *, dimension: int,
     share = weight / total
     fourth = _tensor(mean_products(way, share), d)
     # the trace of n n is 1
-    second = np.einsum("ijkk->ij", fourth)
+    second = linear.einsum("ijkk->ij", fourth)
     parts = traceless_2(second), traceless_4(fourth)
     # the traceless means along each direction, whose means are their squared norms
     each = values_along(way, parts[0], _sums(parts[1]))
@@ -105,7 +106,7 @@ def _scatters(way: Floats, share: Floats, turns: Floats, parts: tuple[Floats, Fl
     second = fourth = 0.0
     for wave in waves:
         whole = _tensor(wave, d)
-        pairs = np.einsum("ijkk->ij", whole)
+        pairs = linear.einsum("ijkk->ij", whole)
         rest = float(np.trace(pairs))
         second += float(np.square(traceless_2(pairs) - rest * parts[0]).sum())
         fourth += float(np.square(traceless_4(whole) - rest * parts[1]).sum())
@@ -139,7 +140,6 @@ def _anisotropy(
     if m < 2:
         return Anisotropy(FACTOR[key] * part, factor * norm, math.nan, math.nan)
     more = m / (m - 1.0)
-    # not products of vectors, which BLAS spreads over threads
     independent = more * float((np.square(share) * (SINGLE[key] - 2.0 * each + squared)).sum())
     variance = more * float((np.square(share) * np.square(each - squared)).sum())
     if scatter is None or not independent > 0.0:
@@ -166,7 +166,7 @@ def traceless_2(mean: Floats) -> Floats:
 def traceless_4(mean: Floats) -> Floats:
     """Return the traceless part of a fully symmetric tensor (d, d, d, d)."""
     d = len(mean)
-    trace = np.einsum("ijkk->ij", mean)
+    trace = linear.einsum("ijkk->ij", mean)
     one = np.eye(d)
     first, second = _symmetric(np.multiply.outer(one, trace)), _symmetric(np.multiply.outer(one, one))
     whole = float(np.trace(trace))
@@ -180,7 +180,7 @@ def _symmetric(tensor: Floats) -> Floats:
 
 def fitted_density(second: Floats, directions: Floats) -> Floats:
     """Return the density of directions (m, d) relative to an isotropic one to second order, (m,), of a tensor D."""
-    return np.asarray(1.0 + np.einsum("ci,ij,cj->c", directions, second, directions))
+    return np.asarray(1.0 + linear.einsum("ci,ij,cj->c", directions, second, directions))
 
 
 def rose_of(vectors: Floats, weights: Floats | None = None, *, dimension: int, pole: int = 2) -> Rose:
@@ -194,7 +194,7 @@ def rose_of(vectors: Floats, weights: Floats | None = None, *, dimension: int, p
     cells = _sectors() if dimension == 2 else _sphere_cells()
     k = len(cells)
     if dimension == 2:
-        turn = np.mod(np.arctan2(way[:, 1], way[:, 0]) / np.pi * SECTORS + 0.5, SECTORS)
+        turn = np.mod(libm.arctan2(way[:, 1], way[:, 0]) / np.pi * SECTORS + 0.5, SECTORS)
         index = np.minimum(turn.astype(np.int64), SECTORS - 1)
         held = np.asarray(np.bincount(index, weights=weight, minlength=k), dtype=np.float64)
         squared = np.asarray(np.bincount(index, weights=np.square(weight), minlength=k), dtype=np.float64)
@@ -266,14 +266,13 @@ def unit_vectors(vectors: Floats) -> tuple[Floats, Booleans]:
     kept = largest > 0.0
     # relative lengths, whose squares neither overflow nor vanish
     found = vectors[kept] / largest[kept, None]
-    found /= np.sqrt(np.einsum("mi,mi->m", found, found))[:, None]
+    found /= np.sqrt(linear.einsum("mi,mi->m", found, found))[:, None]
     return found, kept
 
 
 def mean_products(way: Floats, share: Floats) -> Floats:
     """Return the sum (k,) of the products of four components of directions (m, d), each with its share (m,)."""
-    # not a product of a vector, which BLAS spreads over threads
-    return np.asarray(sum(np.einsum("km,m->k", _products(way[some]), share[some]) for some in _blocks(way)))
+    return np.asarray(sum(linear.einsum("km,m->k", _products(way[some]), share[some]) for some in _blocks(way)))
 
 
 def wave_products(way: Floats, share: Floats, turns: Floats) -> Floats:
@@ -284,12 +283,12 @@ def wave_products(way: Floats, share: Floats, turns: Floats) -> Floats:
     signs = wave_signs(way.shape[1])
     total = np.zeros((2 * len(signs), len(multisets(way.shape[1]))))
     for some in _blocks(way):
-        along = np.exp(2j * np.pi * turns[some].T)
+        along = libm.exp(2j * np.pi * turns[some].T)
         # a wave is the product of those along the axes
         axes = [[one if sign > 0 else one.conj() for sign, one in zip(row, along, strict=True) if sign]
                 for row in signs]  # fmt: skip
         waves = np.array([np.prod(several, axis=0) for several in axes])
-        total += share[some] * np.concatenate([waves.real, waves.imag]) @ _products(way[some]).T
+        total += linear.matmul(share[some] * np.concatenate([waves.real, waves.imag]), _products(way[some]).T)
     return total
 
 
@@ -298,8 +297,8 @@ def values_along(way: Floats, second: Floats, fourth: Floats) -> tuple[Floats, F
 
     The tensor of fourth order is given by the sums (k,) of its equal components for each product of four components.
     """
-    fourths = [np.einsum("k,km->m", fourth, _products(way[some])) for some in _blocks(way)]
-    return np.einsum("mi,ij,mj->m", way, second, way, optimize=True), np.concatenate(fourths)
+    fourths = [linear.einsum("k,km->m", fourth, _products(way[some])) for some in _blocks(way)]
+    return (linear.matmul(way, second) * way).sum(axis=1), np.concatenate(fourths)
 
 
 def shares_of_map(way: Floats, weight: Floats, pole: int) -> tuple[Floats, Floats]:
@@ -315,7 +314,7 @@ def shares_of_map(way: Floats, weight: Floats, pole: int) -> tuple[Floats, Float
         radius = np.sqrt(np.maximum(1.0 - np.maximum(z, 0.0), 0.0)) * (2 * RINGS + 1)
         ring = np.minimum((radius + 1.0) / 2.0, RINGS).astype(np.int64)
         many = np.maximum(8 * ring, 1)
-        place = np.floor(np.arctan2(y, x) / (2.0 * np.pi) * many + 0.5).astype(np.int64) % many
+        place = np.floor(libm.arctan2(y, x) / (2.0 * np.pi) * many + 0.5).astype(np.int64) % many
         cell = np.where(ring > 0, (2 * ring - 1) ** 2 + place, 0)
         sums += [np.bincount(cell, held, sums.shape[1]) for held in (part[kept], part[kept] ** 2)]
     return sums[0], sums[1]

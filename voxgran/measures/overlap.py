@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.model import periods_of
 from voxgran.lattice.label import components
@@ -59,11 +60,11 @@ def _clusters(pairs: tuple[Integers, Integers, Integers], present: tuple[Integer
 def _shared(packing: Packing, cluster: Sequence[Copy], lower: Floats, upper: Floats) -> float:
     """Return the volume of the members of a cluster inside the box, minus that of their union."""
     periods = periods_of(packing.container)
-    corners = [packing.world_vertices(grain) + np.array(turn) @ periods for grain, turn in cluster]
+    corners = [packing.world_vertices(grain) + linear.matmul(np.array(turn), periods) for grain, turn in cluster]
     faces = [packing.shapes[packing.shape_id[grain]].faces for grain, _ in cluster]
     # manifold3d needs lengths of the order of 1 about the origin; a power of two does not change the digits
     origin = corners[0].mean(axis=0)
-    size = 2.0 ** np.ceil(np.log2(float(packing.bounding_radii[[grain for grain, _ in cluster]].max())))
+    size = 2.0 ** np.ceil(libm.log2(float(packing.bounding_radii[[grain for grain, _ in cluster]].max())))
     solids = [((points - origin) / size, triangles) for points, triangles in zip(corners, faces, strict=True)]
     low, high = np.full(3, -np.inf), np.full(3, np.inf)
     low[: len(lower)], high[: len(upper)] = (lower - origin[: len(lower)]) / size, (upper - origin[: len(upper)]) / size

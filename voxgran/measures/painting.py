@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import periods_of
@@ -56,10 +57,10 @@ def with_images(packing: Packing) -> tuple[Packing, Floats]:
     (lower, upper), periods = packing.container.bounds, periods_of(packing.container)
     turns = upright_turns(packing.position, lower, periods)
     if turns.any():
-        packing = replace(packing, position=packing.position - turns @ periods)
+        packing = replace(packing, position=packing.position - linear.matmul(turns, periods))
     reach = upper - lower + float(packing.bounding_radii.max(initial=0.0))
-    far = np.floor(np.linalg.norm(reach) / face_distances(periods)).astype(np.int64)
-    shifts = (np.array(list(np.ndindex(*(2 * far + 1)))) - far) @ periods
+    far = np.floor(linear.norm(reach) / face_distances(periods)).astype(np.int64)
+    shifts = linear.matmul(np.array(list(np.ndindex(*(2 * far + 1)))) - far, periods)
     # from bounds without length in 2D nothing is shifted
     return packing, shifts[((np.abs(shifts) < reach) | (shifts == 0.0)).all(axis=1)]
 
@@ -76,7 +77,7 @@ def _paint_round(
             body, radii = np.zeros((1, 3)), np.array([packing.shapes[index].bounding_radius])
         members = grains[packing.shape_id[grains] == index]
         scale = packing.scale[members]
-        centers = np.einsum("gij,sj->gsi", packing.matrices[members], body) * scale[:, None, None]
+        centers = linear.einsum("gij,sj->gsi", packing.matrices[members], body) * scale[:, None, None]
         centers += packing.position[members, None, :]
         labels = np.repeat(members.astype(np.int32) + 1, len(radii))
         sizes = (scale[:, None] * radii).ravel()

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
 from voxgran.containers.model import boundary_of, periods_of
@@ -106,9 +107,9 @@ class PairWindow:
             if not self.periodic[a]:
                 t = distance[:, None] * directions[:, a]
                 # of two boxes with this edge, each convolved with one as long as the rise
-                near = np.maximum(1 - t / self.rise, 0.0) ** 3 * (self.rise / 3) if self.rise else 0.0
+                near = libm.power(np.maximum(1 - t / self.rise, 0.0), 3) * (self.rise / 3) if self.rise else 0.0
                 product *= 1 - (t + near) / (edge - self.rise)
-        return np.asarray(product @ shares)
+        return np.asarray(linear.matmul(product, shares))
 
     def pair_shares(self, edges: Floats) -> Floats:
         """Return the share of the weight of all pairs of independent points that have a distance in each bin, (k,)."""
@@ -118,7 +119,9 @@ class PairWindow:
         d = len(self.lower)
         shell = 4 * np.pi * (distance / edges[-1]) ** 2 if d == 3 else 2 * np.pi * distance / edges[-1]
         covariance = self.covariance(distance.reshape(-1)).reshape(distance.shape)
-        return np.asarray((shell * covariance) @ weights * (half / edges[-1]) * (edges[-1] ** d / self.volume))
+        return np.asarray(
+            linear.matmul(shell * covariance, weights) * (half / edges[-1]) * (edges[-1] ** d / self.volume)
+        )
 
     @cached_property
     def _lattice(self) -> Floats:
@@ -171,10 +174,10 @@ def _directions(dimension: int) -> tuple[Floats, Floats]:
     """Return directions (m, d) of all signs above 0, and their shares (m,) of all of these."""
     nodes, shares = np.polynomial.legendre.leggauss(ANGLES)
     nodes, shares = (nodes + 1) / 2, shares / 2
-    flat = np.stack([np.cos(np.pi / 2 * nodes), np.sin(np.pi / 2 * nodes)], axis=1)
+    flat = np.stack([libm.cos(np.pi / 2 * nodes), libm.sin(np.pi / 2 * nodes)], axis=1)
     if dimension == 2:
         return flat, shares
-    upright, side = np.sin(np.pi / 2 * nodes), np.cos(np.pi / 2 * nodes)
+    upright, side = libm.sin(np.pi / 2 * nodes), libm.cos(np.pi / 2 * nodes)
     heights = np.broadcast_to(upright[:, None, None], (ANGLES, ANGLES, 1))
     every = np.concatenate([side[:, None, None] * flat, heights], axis=2)
     return every.reshape(-1, 3), np.outer(np.pi / 2 * side * shares, shares).reshape(-1)
@@ -188,10 +191,10 @@ def _smoothed(place: Floats, value: Floats, weight: Floats, step: float) -> tupl
     """
     x = place / step
     used = (x > 1.5) & (x <= FIT)
-    basis = np.stack([1 / x, x, x**2, x**3], axis=1)
+    basis = np.stack([1 / x, x, x**2, libm.power(x, 3)], axis=1)
     rows = basis[used] * weight[used, None]
-    loss, *rest = np.linalg.lstsq(rows, (value[used] - 1) * weight[used])[0]
-    smooth = 1 + basis[:, 1:] @ np.array(rest)
+    loss, *rest = linear.matmul(linear.pseudoinverse(rows), (value[used] - 1) * weight[used])
+    smooth = 1 + linear.matmul(basis[:, 1:], np.array(rest))
     share = np.clip(2 * x / FIT - 0.5, 0.0, 1.0)
     value = (1 - share) * smooth + share * (value - loss / x)
     return np.append(0.0, place), np.append(1.0, value)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import TooLargeError
@@ -76,7 +77,7 @@ class Bodies:
             far = reach[part] + (math.sqrt(3.0) + 0.5) * edge
             known = {"lower": self.lower, "periods": self.periods}
             point, body, image = spheres_near(places[part], far, self.centers, self.radii, **known)
-            near = np.column_stack([self.centers[body] + image @ self.periods, self.radii[body]])
+            near = np.column_stack([self.centers[body] + linear.matmul(image, self.periods), self.radii[body]])
             starts = np.searchsorted(point, np.arange(len(far) + 1))
             arguments = self.walls, places[part], edge / 2, near, starts, found[part]
             in_blocks(_climb, len(far), *arguments, least=LEAST_POINTS)

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import main_axis
@@ -158,7 +159,7 @@ class CylinderRegion:
         volumes, errors = cut_spheres_by_cylinder(moved, radii, radius=self.radius, lower=self.lower, upper=self.upper)
         if not len(planes[1]):
             return Estimate(float(volumes.sum()), float(errors.sum()))
-        full = 4 / 3 * math.pi * radii**3
+        full = 4 / 3 * math.pi * libm.power(radii, 3)
         open_box = np.full(3, -np.inf), np.full(3, np.inf)
         twice = full - cut_spheres(centers, radii, lower=open_box[0], upper=open_box[1], planes=planes)
         share = volumes / full
@@ -196,7 +197,7 @@ class Samples:
             # each point has a random position in its voxel, so that no face of a region is aligned with the lattice
             jitter = (draws[:, :, :3] - 0.5) * voxels.voxel_size
             jitter[:, :, d:] = 0.0
-            world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body[chosen] + jitter)
+            world = linear.einsum("gij,gpj->gpi", packing.matrices[mine], body[chosen] + jitter)
             world *= packing.scale[mine, None, None]
             points.append((world + packing.position[mine, None]).reshape(-1, 3))
             grain.append(np.repeat(mine, each))
@@ -309,7 +310,7 @@ def _around_height(bottom: Floats, top: Floats, volumes: Floats, wanted: float) 
     """
     found = []
     for ends in (bottom, top):
-        order = np.argsort(ends)
+        order = np.argsort(ends, kind="stable")
         enough = int(np.searchsorted(np.cumsum(volumes[order]), wanted))
         found.append(float(ends[order[min(enough, len(order) - 1)]]))
     return found[0], found[1]
@@ -338,7 +339,7 @@ def cut_spheres_by_cylinder(
         ends = np.clip(np.stack([lower - centers[cut, 2], upper - centers[cut, 2]]) / size, -1.0, 1.0)
         scaled = apart[cut] / size, radius / size, ends
         fine, coarse = _quadrature(*scaled, NODES), _quadrature(*scaled, FEWER)
-        volumes[cut], errors[cut] = fine * size**3, np.abs(fine - coarse) * size**3
+        volumes[cut], errors[cut] = fine * libm.power(size, 3), np.abs(fine - coarse) * libm.power(size, 3)
     return volumes, errors
 
 
@@ -348,7 +349,7 @@ def _quadrature(apart: Floats, radius: Floats, ends: Floats, points: int) -> Flo
     marks = np.stack([ends[0], -touch[0], -touch[1], touch[1], touch[0], ends[1]])
     marks = np.clip(marks, ends[0], ends[1])
     nodes, weights = np.polynomial.legendre.leggauss(points)
-    places, slopes = np.sin(np.pi / 2 * nodes), np.pi / 2 * np.cos(np.pi / 2 * nodes) * weights
+    places, slopes = libm.sin(np.pi / 2 * nodes), np.pi / 2 * libm.cos(np.pi / 2 * nodes) * weights
     half = np.diff(marks, axis=0) / 2
     middle = (marks[1:] + marks[:-1]) / 2
     heights = middle[..., None] + half[..., None] * places
@@ -365,5 +366,5 @@ def _common_area(one: Floats, other: Floats, apart: Floats) -> Floats:
     near = (distance + (one - other) * (one + other) / distance) / 2
     far = distance - near
     chord = np.sqrt(np.maximum(0.0, (one - near) * (one + near)))
-    lens = one**2 * np.arctan2(chord, near) + other**2 * np.arctan2(chord, far) - distance * chord
+    lens = one**2 * libm.arctan2(chord, near) + other**2 * libm.arctan2(chord, far) - distance * chord
     return np.where(inside, np.pi * np.minimum(one, other) ** 2, np.where(outside, 0.0, lens))

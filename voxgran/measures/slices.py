@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
@@ -61,7 +62,7 @@ def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Float
     # a line cuts each edge of a polygon at most once, so that each of the four cuts at most doubles it
     work = np.zeros((2, 16 * len(vertices) + 8, 3))
     for copy in range(len(centers)):
-        work[0, : len(vertices), :2] = vertices @ maps[copy].T
+        work[0, : len(vertices), :2] = linear.matmul(vertices, maps[copy].T)
         low, high = lower - centers[copy], upper - centers[copy]
         areas[copy] = _flat(work, len(vertices), low, high)
     return areas

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
@@ -88,7 +89,7 @@ def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
     found = np.zeros(contacts.count)
     for k in np.flatnonzero(meshes[contacts.i] & meshes[contacts.j] & (np.abs(contacts.gap) <= reach)).tolist():
         one, two = _triangles(packing, int(contacts.i[k])), _triangles(packing, int(contacts.j[k]))
-        two = two + contacts.image[k] @ periods
+        two = two + linear.matmul(contacts.image[k], periods)
         low = np.maximum(*(corners.min(axis=(0, 1)) for corners in (one, two))) - reach
         high = np.minimum(*(corners.max(axis=(0, 1)) for corners in (one, two))) + reach
         one, two = (near[((near >= low) & (near <= high)).all(axis=(1, 2))] for near in (one, two))
@@ -96,7 +97,7 @@ def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
             middles = two.mean(axis=1)
             apart, nearest = load("scipy.spatial").cKDTree(middles).query(one.mean(axis=1), distance_upper_bound=reach)
             same = np.flatnonzero(np.isfinite(apart))
-            against = np.einsum("fi,fi->f", normals_of(one[same]), normals_of(two[nearest[same]])) < 0
+            against = linear.einsum("fi,fi->f", normals_of(one[same]), normals_of(two[nearest[same]])) < 0
             found[k] = areas_of(one[same[against]]).sum()
     return found
 
@@ -125,7 +126,7 @@ def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, l
     outside = packing.container.signed_distance(packing.position) + packing.bounding_radii
     found: dict[int, list[Partner]] = {grain: [] for grain in np.flatnonzero((outside >= -reach) & ~bent).tolist()}
     for k in np.flatnonzero((contacts.gap < -reach) | ~(bent[contacts.i] | bent[contacts.j])):
-        i, j, shift = int(contacts.i[k]), int(contacts.j[k]), contacts.image[k] @ periods
+        i, j, shift = int(contacts.i[k]), int(contacts.j[k]), linear.matmul(contacts.image[k], periods)
         for grain, other, way in ((i, j, shift), (j, i, -shift)):
             if not hollow[other]:
                 center = packing.position[other] + way
@@ -150,7 +151,7 @@ def _parts_of(shape: Shape) -> Parts:
     else:
         corners = shape.vertices[shape.faces]
         normals = normals_of(corners)
-    size = np.linalg.norm(normals, axis=1)
+    size = linear.norm(normals, axis=1)
     normals = normals / np.maximum(size, 1e-300)[:, None]
     # the area is that of the true surface
     size = size * (shape.surface_area / size.sum())
@@ -159,7 +160,7 @@ def _parts_of(shape: Shape) -> Parts:
     middles, faces = [], []
     for n in np.unique(many):
         some, weights = np.flatnonzero(many == n), _middles(int(n), corners.shape[1])
-        middles.append(np.einsum("pc,fck->fpk", weights, corners[some]).reshape(-1, 3))
+        middles.append(linear.einsum("pc,fck->fpk", weights, corners[some]).reshape(-1, 3))
         faces.append(np.repeat(some, len(weights)))
     face = np.concatenate(faces)
     return np.concatenate(middles), normals[face], (size / np.bincount(face))[face], face
@@ -187,7 +188,7 @@ def _covered(
     """
     middles, normals, areas, face = parts
     scale, turn, container = float(packing.scale[grain]), packing.matrices[grain], packing.container
-    points, outwards = middles * scale @ turn.T + packing.position[grain], normals @ turn.T
+    points, outwards = linear.matmul(middles * scale, turn.T) + packing.position[grain], linear.matmul(normals, turn.T)
     on_grains, in_walls = np.zeros((2, len(points)), dtype=np.bool_)
     for other, center, deep in partners:
         away = points - center
@@ -195,17 +196,17 @@ def _covered(
         on_grains[near] = _holds(packing, other, away[near] + reach * outwards[near], deep, reach)
     if container.signed_distance(packing.position[[grain]])[0] + packing.bounding_radii[grain] >= -reach:
         in_walls = container.signed_distance(points + reach * outwards) >= 0
-    factor, whole, many = scale ** (packing.dimension - 1), np.bincount(face, areas), np.bincount(face)
+    factor, whole, many = libm.power(scale, packing.dimension - 1), np.bincount(face, areas), np.bincount(face)
     shares = [np.bincount(face, mask) / many for mask in (on_grains | in_walls, on_grains, in_walls)]
     # the variance is as of random parts of faces that are covered in part
     variances = [float((whole**2 * share * (1.0 - share) / many).sum()) for share in shares]
-    return factor * np.array([float(whole @ share) for share in shares]), factor**2 * np.array(variances)
+    return factor * np.array([float(linear.matmul(whole, share)) for share in shares]), factor**2 * np.array(variances)
 
 
 def _holds(packing: Packing, grain: int, away: Floats, deep: bool, reach: float) -> Booleans:
     """Return whether points (n, 3), from the centroid of a grain, lie in it; unless `deep`, at most at a depth."""
     geometry, scale = packing.shapes[packing.shape_id[grain]].geometry, float(packing.scale[grain])
-    body = away @ packing.matrices[grain] / scale
+    body = linear.matmul(away, packing.matrices[grain]) / scale
     if isinstance(geometry, Mesh) and not deep:
         return geometry.tree.nearest(body, reach=1.01 * reach / scale)[0] <= 0.0
     assert not isinstance(geometry, Surface)

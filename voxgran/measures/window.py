@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, periods_of, tilt_of
@@ -57,7 +58,7 @@ class Ordered:
         low, high = container.bounds[:, axis]
         period = float(high - low) if container.periodic[axis] else 0.0
         places = np.mod(centers[:, axis] - low, period) if period else centers[:, axis]
-        order = np.argsort(places)
+        order = np.argsort(places, kind="stable")
         return cls(places[order], order, float(low), period)
 
     def between(self, start: float, end: float) -> list[tuple[int, int]]:
@@ -278,7 +279,7 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
         assert found is not None
         body, sizes = found
         stretched = body[None] * packing.scale[grain, None, None]
-        turned = np.einsum("gij,gbj->gbi", packing.matrices[grain], stretched) if body.any() else stretched
+        turned = linear.einsum("gij,gbj->gbi", packing.matrices[grain], stretched) if body.any() else stretched
         centers.append((turned + packing.position[grain, None]).reshape(-1, 3))
         radii.append(np.outer(packing.scale[grain], sizes).reshape(-1))
         owner.append(np.repeat(grain, len(sizes)))
@@ -302,7 +303,7 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
 def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, periods: Floats) -> Planes:
     """Return the planes of equal power of pairs (i, j, image) of overlapping spheres, as :func:`power_planes`."""
     i, j, image = pairs
-    apart = centers[j] + image @ periods - centers[i]
+    apart = centers[j] + linear.matmul(image, periods) - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0
     # among concentric spheres the largest one is kept, among equal ones the first
@@ -350,16 +351,16 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
         return cut_mesh(geometry.vertices, geometry.faces, maps, centers, lower=lower, upper=upper), 0.0
     size = geometry.dimensions
     if geometry.kind == "sphere":
-        radii = size[0] * np.linalg.norm(maps[:, :, 0], axis=1)
+        radii = size[0] * linear.norm(maps[:, :, 0], axis=1)
         return cut_spheres(centers, radii, lower=lower, upper=upper), 0.0
     if geometry.kind == "ellipsoid":
-        return _cut_ellipsoids(maps @ geometry.matrix * np.array(size), centers, lower, upper), 0.0
+        return _cut_ellipsoids(linear.matmul(maps, geometry.matrix) * np.array(size), centers, lower, upper), 0.0
     if geometry.kind == "box":
         vertices, faces, _ = geometry.tessellation()
         return cut_mesh(vertices, faces, maps, centers, lower=lower, upper=upper), 0.0
     sides = FINE // 6 if geometry.kind == "spherocylinder" else FINE
     vertices, faces, _ = revolved(geometry.profile(sides), sides=sides)
-    solid = Mesh(vertices @ geometry.matrix.T, faces)
+    solid = Mesh(linear.matmul(vertices, geometry.matrix.T), faces)
     parts = cut_mesh(solid.vertices, solid.faces, maps, centers, lower=lower, upper=upper)
     return parts * (shape.volume / solid.volume), shape.volume - solid.volume
 
@@ -369,19 +370,19 @@ def _cut_outline(outline: Outline, maps: Floats, centers: Floats, lower: Floats,
     flat, places = maps[:, :2, :2], np.ascontiguousarray(centers[:, :2])
     if outline.kind == "polygon":
         return cut_polygon(outline.vertices, flat, places, lower=lower, upper=upper)
-    middles = places + flat @ np.array(outline.center)
-    radii = outline.radius * np.linalg.norm(flat[:, :, 0], axis=1)
+    middles = places + linear.matmul(flat, np.array(outline.center))
+    radii = outline.radius * linear.norm(flat[:, :, 0], axis=1)
     return cut_disks(middles, radii, lower=lower, upper=upper)
 
 
 def _cut_clumps(spheres: Spheres, maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> Floats:
     """Return the volumes of copies of a union of spheres inside a box."""
     start, normals, offsets = power_planes(spheres.centers, spheres.radii)
-    scales = np.linalg.norm(maps[:, :, 0], axis=1)
+    scales = linear.norm(maps[:, :, 0], axis=1)
     volumes = np.zeros(len(centers))
     for copy, scale in enumerate(scales):
-        places = spheres.centers @ maps[copy].T + centers[copy]
-        planes = start, normals @ maps[copy].T / scale, offsets * scale
+        places = linear.matmul(spheres.centers, maps[copy].T) + centers[copy]
+        planes = start, linear.matmul(normals, maps[copy].T) / scale, offsets * scale
         parts = cut_spheres(places, spheres.radii * scale, lower=lower, upper=upper, planes=planes)
         volumes[copy] = parts.sum()
     return volumes
@@ -390,7 +391,7 @@ def _cut_clumps(spheres: Spheres, maps: Floats, centers: Floats, lower: Floats, 
 def _cut_ellipsoids(maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> Floats:
     """Return the volumes of ellipsoids inside a box, by linear maps to the unit sphere between mapped planes."""
     count = len(centers)
-    stretch = np.linalg.norm(maps, axis=2)
+    stretch = linear.norm(maps, axis=2)
     above = (upper - centers) / stretch
     below = (centers - lower) / stretch
     rows = maps / stretch[..., None]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, numbered, shown, warn
 from voxgran._base.registry import Parameters
@@ -336,7 +337,7 @@ def _laid(
 ) -> tuple[Integers, Floats]:
     """Return shapes and diameters of the grains of strata: a count, or as many as have the target volume."""
     dimension = shapes[0].dimension
-    mean = float(shares @ (_unit_volumes(shapes) * _factors(shapes, sizes) ** dimension))
+    mean = float(linear.matmul(shares, _unit_volumes(shapes) * libm.power(_factors(shapes, sizes), dimension)))
     mean = mean * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
     room = target / mean if mean > 0.0 else math.inf
     many = min(math.inf if count is None else count, math.ceil(room) if math.isfinite(room) else math.inf)
@@ -436,7 +437,7 @@ def _diameters(
 def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> Floats:
     """Return the true volumes of grains."""
     own, volume = np.array([(shape.diameter, shape.volume) for shape in shapes])[shape_id].T
-    return volume * (diameter / own) ** shapes[0].dimension
+    return volume * libm.power(diameter / own, shapes[0].dimension)
 
 
 def _unit_volumes(shapes: Sequence[Shape]) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_indices, as_number, check_type, read_only
 from voxgran._base.calls import explained
 from voxgran._base.errors import GrainIndexError, InputError, shown
@@ -416,7 +416,7 @@ def _checked(packing: Any) -> dict[str, Any]:
             f"unit is {unit} and shape {foreign.name!r} has its lengths in {foreign.unit}: a packing has one unit; "
             "convert it with to_unit"
         )
-    if not (down is None or (isinstance(down, tuple) and len(down) == 3 and abs(np.linalg.norm(down) - 1.0) < 1e-9)):
+    if not (down is None or (isinstance(down, tuple) and len(down) == 3 and abs(linear.norm(down) - 1.0) < 1e-9)):
         down = as_down(down, packing.container)
     gap, rows = as_number(packing.contact_gap, "contact_gap", at_least=0.0), packing.grain_id
     if rows is not None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, warn
@@ -154,7 +155,7 @@ class Problem:
     def volumes(self) -> Floats:
         """True volumes of the grains, (n,)."""
         shapes = np.array([shape.volume for shape in self.shapes])
-        return shapes[self.shape_id] * self.diameter**self.dimension
+        return shapes[self.shape_id] * libm.power(self.diameter, self.dimension)
 
     @property
     def bounding_radii(self) -> Floats:
@@ -165,7 +166,7 @@ class Problem:
     def unit_volumes(self) -> Floats:
         """Volumes of the grains at the size at which their bounding spheres have radius 1, (n,)."""
         bounding = np.array([shape.bounding_radius for shape in self.shapes])
-        volumes = np.array([shape.volume for shape in self.shapes]) / bounding**self.dimension
+        volumes = np.array([shape.volume for shape in self.shapes]) / libm.power(bounding, self.dimension)
         return np.asarray(volumes[self.shape_id])
 
     def largest_first(self, grains: NDArray[Any]) -> NDArray[Any]:
@@ -438,8 +439,8 @@ def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
         return
     checked, of = packing, ""
     if packing.count > MOST_CHECKED:
-        away = np.linalg.norm(packing.position - packing.position[0], axis=1)
-        checked, of = packing[np.argsort(away)[:SAMPLED]], f" among {SAMPLED} neighbors"
+        away = linear.norm(packing.position - packing.position[0], axis=1)
+        checked, of = packing[np.argsort(away, kind="stable")[:SAMPLED]], f" among {SAMPLED} neighbors"
     proof = verify(checked)
     if proof.overlapping_pairs:
         warn(

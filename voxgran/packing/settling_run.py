@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import NAMED, InputError
@@ -309,7 +310,9 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
         return assembly
     assembly.refuse_fixed("a bed under a lid")
     up = -main_axis(gravity).astype(np.float64)
-    return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
+    return replace(
+        assembly, lid=LidPlane(up, float((linear.matmul(assembly.position, up) + assembly.bounding_radii).max()))
+    )
 
 
 def lid_of(settler: Moving, unit: float) -> LidPlane | None:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError, numbered, shown
 from voxgran._base.scalars import number_of, whole_number_of
@@ -64,7 +65,7 @@ class Start:
 
     def rising(self, gravity: Integers) -> Integers:
         """Return the indices of the grains from the lowest to the highest."""
-        order: Integers = np.argsort(-(self.position @ gravity), kind="stable")
+        order: Integers = np.argsort(-linear.matmul(self.position, gravity), kind="stable")
         return order
 
     def wrapped(self, container: Container) -> Floats:
@@ -256,7 +257,7 @@ def _alike(packing: Any) -> dict[str, Any]:
         return {}
     apart = packing.position.reshape(-1, record["count"], 3) - packing.position[: record["count"]]
     apart, periods = (apart - apart[:, :1]).reshape(-1, 3), periods_of(packing.container)
-    apart -= nearest_turns(apart, periods) @ periods
+    apart -= linear.matmul(nearest_turns(apart, periods), periods)
     return dict(record) if np.abs(apart).max(initial=0.0) < SAME * packing.median_diameter else {}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import (
     Floats,
     Integers,
@@ -124,7 +124,7 @@ class Cloud(ExplainedAttributes):
         directions = None
         if normals is not None:
             directions = np.array(as_floats(as_points(normals, "normals"), "normals", shape=(len(found), 3)))
-            lengths = np.linalg.norm(directions, axis=1)
+            lengths = linear.norm(directions, axis=1)
             if (lengths == 0).any():
                 raise InputError(
                     f"normal {int(lengths.argmin())} has length 0: a normal is a direction; leave normals out instead"
@@ -250,7 +250,7 @@ class Cloud(ExplainedAttributes):
         if self.normals is not None:
             normals = np.array(made.normals)
             # normals of both sides of a plate may cancel; then that of the nearest point is used
-            none = np.linalg.norm(normals, axis=1) < 0.1
+            none = linear.norm(normals, axis=1) < 0.1
             normals[none] = self.normals[load("scipy.spatial").cKDTree(self.points).query(points[none])[1]]
         return Cloud.of(points, normals, name=self.name, unit=self.unit)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
@@ -153,7 +153,7 @@ def _refuse_thin(cloud: Cloud) -> None:
     different = len(np.unique(cloud.points, axis=0))
     if different < FEWEST:
         raise InputError(f"{cloud.name} has {different} points that differ: a body needs {FEWEST}; scan it more finely")
-    spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
+    spread = linear.svd(cloud.points - cloud.points.mean(axis=0))[1]
     if spread[2] <= 1e-9 * spread[0]:
         raise InputError(f"{cloud.name} lies in a plane: it bounds no volume; scan the other sides too")
 
@@ -213,7 +213,7 @@ class _Facets:
 def _refuse_wafer(cloud: Cloud, frame: Frame, corners: Floats, solid: Integers, hole: tuple[Floats, float]) -> None:
     """Refuse a skin thinner than two spacings, which remains if spheres enter the body through a hole."""
     edges = corners[solid[:, 1:]] - corners[solid[:, :1]]
-    volume = float(np.abs(np.linalg.det(edges)).sum()) / 6
+    volume = float(np.abs(linear.determinant(edges)).sum()) / 6
     area = len(np.unique(cloud.points, axis=0)) * (cloud.spacing / frame.size) ** 2
     if volume < area * cloud.spacing / frame.size:
         where = ", ".join(f"{value:.4g}" for value in frame.back(hole[0]))
@@ -242,9 +242,9 @@ def _numbered(edges: Integers, many: int) -> Integers:
 def _circumradii(corners: Floats) -> Floats:
     """Return the circumradii of triangles; infinite for degenerate ones."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    sides = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) * np.linalg.norm(a - b, axis=1)
+    sides = linear.norm(a, axis=1) * linear.norm(b, axis=1) * linear.norm(a - b, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.nan_to_num(sides / (2 * np.linalg.norm(np.cross(a, b), axis=1)), nan=np.inf))
+        return np.asarray(np.nan_to_num(sides / (2 * linear.norm(np.cross(a, b), axis=1)), nan=np.inf))
 
 
 def _outward(corners: Floats, faces: Integers, inner: Floats) -> tuple[Floats, Integers]:

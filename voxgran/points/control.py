@@ -6,6 +6,7 @@ surface has control points on its border, too.
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length
 from voxgran._base.errors import InputError
 from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface
@@ -85,7 +86,7 @@ def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
     a, b = _sharp_edges(vertices, faces)
     parts = [vertices[_pointed(vertices, faces)], vertices[a], vertices[b]]
     way = vertices[b] - vertices[a]
-    cuts = np.ceil(np.linalg.norm(way, axis=1) / spacing).astype(np.int64)
+    cuts = np.ceil(linear.norm(way, axis=1) / spacing).astype(np.int64)
     for cut in range(1, int(cuts.max(initial=1))):
         some = cuts > cut
         parts.append(vertices[a[some]] + (cut / cuts[some])[:, None] * way[some])
@@ -99,7 +100,7 @@ def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]
     """Return the ends of the sharp convex edges; for an open surface, those of border edges and of all sharp edges."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal /= np.maximum(linear.norm(normal, axis=1, keepdims=True), 1e-300)
     ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
     face = np.tile(np.arange(len(faces)), 3)
@@ -109,7 +110,7 @@ def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]
     again = (ends[1:] == ends[:-1]).all(axis=1)
     twice, alone = np.flatnonzero(again), ends[~(np.append(again, False) | np.insert(again, 0, False))]
     one, other = face[twice], face[twice + 1]
-    turned = (normal[one] * normal[other]).sum(axis=1) < np.cos(SHARP)
+    turned = (normal[one] * normal[other]).sum(axis=1) < libm.cos(SHARP)
     below = ((vertices[opposite[twice + 1]] - vertices[ends[twice, 0]]) * normal[one]).sum(axis=1) < 0.0
     sharp = np.concatenate([ends[twice[turned & (below | bool(len(alone)))]], alone])
     return sharp[:, 0], sharp[:, 1]
@@ -121,8 +122,8 @@ def _pointed(vertices: Floats, faces: Integers) -> Integers:
     left = 2 * np.pi * np.ones(len(vertices))
     for k in range(3):
         u, v = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
-        across = np.linalg.norm(np.cross(u, v), axis=1)
-        np.subtract.at(left, faces[:, k], np.arctan2(across, (u * v).sum(axis=1)))
+        across = linear.norm(np.cross(u, v), axis=1)
+        np.subtract.at(left, faces[:, k], libm.arctan2(across, (u * v).sum(axis=1)))
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[faces] = True
     return np.flatnonzero(used & (left > POINTED))

@@ -7,6 +7,7 @@ below to any accuracy: branch and bound (Land & Doig 1960, doi:10.2307/1910129).
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 
@@ -26,7 +27,7 @@ def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accura
             continue
         distance, nearest = tree.query(triangles.mean(axis=1))
         least = max(least, float(distance.max()))
-        most = np.linalg.norm(triangles - points[nearest][:, None], axis=2).max(axis=1)
+        most = linear.norm(triangles - points[nearest][:, None], axis=2).max(axis=1)
         wide = most > least * (1 + accuracy)
         if wide.any():
             waiting.append(_halved(triangles[wide]))
@@ -35,7 +36,7 @@ def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accura
 
 def _halved(triangles: Floats) -> Floats:
     """Bisect each triangle at the midpoint of its longest edge, so that slivers become less slender."""
-    edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+    edges = linear.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
     turn = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[:, :, None], axis=1), 1, 0)
     middle = (a + b) / 2

@@ -5,6 +5,7 @@ Open3D orients them along a Delaunay triangulation, for which Qhull fails if the
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 
@@ -36,6 +37,6 @@ def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
         sign[first] = -1.0 if normals[first, 0] < 0 else 1.0
         order, before = graphs.breadth_first_order(tree, first, directed=False)
         for node in order[1:].tolist():
-            agree = float(normals[node] @ normals[before[node]]) >= 0
+            agree = float(linear.matmul(normals[node], normals[before[node]])) >= 0
             sign[node] = sign[before[node]] if agree else -sign[before[node]]
     return np.asarray(normals * sign[:, None])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -57,8 +57,8 @@ class Registration(ExplainedAttributes):
         cloud : Cloud
             Cloud in the frame of the first one.
         """
-        normals = None if cloud.normals is None else cloud.normals @ self.rotation.T
-        points = cloud.points @ self.rotation.T + self.translation
+        normals = None if cloud.normals is None else linear.matmul(cloud.normals, self.rotation.T)
+        points = linear.matmul(cloud.points, self.rotation.T) + self.translation
         return Cloud.of(points, normals, cloud.grain, name=cloud.name, unit=cloud.unit)
 
 
@@ -143,7 +143,7 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
         )
     motion = np.asarray(found.transformation)
     rotation = np.array(motion[:3, :3])
-    translation = frame.back(motion[:3, 3]) - rotation @ own.center
+    translation = frame.back(motion[:3, 3]) - linear.matmul(rotation, own.center)
     return Registration(
         rotation=rotation,
         translation=np.asarray(translation),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -139,7 +139,7 @@ def _sampled(shape: Shape, spacing: float, seed: int, method: str) -> SurfacePoi
 def _on_sphere(shape: Shape, points: Floats) -> tuple[Floats, float]:
     """Return the points, projected for a sphere, and the largest distance of the covered triangles from the sphere."""
     if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere":
-        pushed = points / np.linalg.norm(points, axis=1, keepdims=True) / 2
+        pushed = points / linear.norm(points, axis=1, keepdims=True) / 2
         return pushed, shape.tessellation_error / shape.diameter
     return points, 0.0
 
@@ -149,11 +149,11 @@ def _along_outline(outline: Outline, wanted: float) -> tuple[Floats, float]:
     if outline.kind == "disk":
         count = max(6, int(np.ceil(outline.surface_area / wanted)))
         angles = 2 * np.pi * np.arange(count) / count
-        rim = outline.radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
+        rim = outline.radius * np.column_stack([libm.cos(angles), libm.sin(angles), np.zeros(count)])
         return rim, outline.surface_area / count
     parts, reached = [], 0.0
     for a, b in zip(outline.vertices, np.roll(outline.vertices, -1, axis=0), strict=True):
-        length = float(np.linalg.norm(b - a))
+        length = float(linear.norm(b - a))
         count = max(1, int(np.ceil(length / wanted)))
         reached = max(reached, length / count)
         parts.append(a + (b - a) * (np.arange(count) / count)[:, None])

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
+from voxgran._base.scalars import cube_root
 from voxgran.containers.model import boundary_of
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed
 from voxgran.packing.draw import Request
@@ -223,7 +224,7 @@ def _stand_in(entry: ShapeEntry, solid: Shape) -> Shape:
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * (math.pi * (3 - math.sqrt(5)))
     flat = np.sqrt(1 - z * z)
-    directions = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    directions = np.column_stack([flat * libm.cos(turn), flat * libm.sin(turn), z])
     mass = MassProperties(solid.volume, np.zeros(3), solid.inertia)
     spheres = Spheres(0.6 * half * directions, np.full(count, 0.4 * float(half.min())), mass)
     return Shape.of(spheres, name=solid.name, unit=solid.unit)
@@ -254,7 +255,7 @@ def _solid(entry: ShapeEntry) -> Shape:
     family = families().get(entry.name)
     if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2
-        axes /= np.cbrt(np.prod(2 * axes))
+        axes /= cube_root(np.prod(2 * axes))
         return Shape.of(Primitive("ellipsoid", tuple(axes.tolist())), name=entry.name)
     return entry.make()[0]
 

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.forces import LID, WALL
@@ -181,7 +182,7 @@ class Bed:
     @property
     def height(self) -> float:
         """Mean height of the centroids, along gravity."""
-        return -self.mean(self.grains.position @ self.gravity)
+        return -self.mean(linear.matmul(self.grains.position, self.gravity))
 
     def find(self, margin: float, rest: float, *, reuse: float = 0.0) -> None:
         """Find the contacts nearer than a margin; gaps count from a rest distance.
@@ -233,7 +234,7 @@ class Bed:
         rows = np.flatnonzero(inner & np.isin(pair, pair[deep]))
         line = row[rows, ARM_I : ARM_I + 3] - row[rows, ARM_J : ARM_J + 3]
         line += row[rows, GAP, None] * row[rows, NORMAL : NORMAL + 3]
-        length = np.linalg.norm(line, axis=1)
+        length = linear.norm(line, axis=1)
         some = length > 1e-6
         row[rows[some], NORMAL : NORMAL + 3] = line[some] / length[some, None]
 
@@ -320,7 +321,7 @@ class Bed:
             self.carried = np.full(2, np.nan)
         far = move_bodies(grains.position, self.orientation, grains.matrix, motion, grains.radius, grains.way, most)
         if math.isfinite(self.lid_level):
-            self.lid_level -= float(np.clip(motion[n, :3] @ self.gravity, -most, most))
+            self.lid_level -= float(np.clip(linear.matmul(motion[n, :3], self.gravity), -most, most))
         return float(far)
 
     def put(self, position: Floats, orientation: Floats, lid_level: float) -> None:
@@ -337,7 +338,7 @@ class Bed:
         """Return the motions (n + 1, 6) of which none moves a point of a surface by more than `most`."""
         clipped, reach = motion.copy(), np.append(self.grains.radius, 0.0)
         for part, lever in ((clipped[:, :3], np.ones(len(motion))), (clipped[:, 3:], reach)):
-            far = np.linalg.norm(part, axis=1) * lever
+            far = linear.norm(part, axis=1) * lever
             part *= np.minimum(1.0, most / np.maximum(far, most))[:, None]
         return clipped
 

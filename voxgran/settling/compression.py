@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
@@ -228,7 +229,7 @@ class Compressor(Resumable):
         bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
         load = self.stress * bed.assembly.container.volume
         modes = evenly(self.modes, load)
-        free = float(np.abs(modes @ load).max())
+        free = float(np.abs(linear.matmul(modes, load)).max())
         forces, accelerations = pressed_forces(
             bed, modes * (pace.strain / (size * free)), load, openness=bed.gap / size, friction=self.friction,
             skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
@@ -269,7 +270,7 @@ class Compressor(Resumable):
     def _yields(self) -> bool:
         """Return whether the container has sheared for long without a change of volume."""
         progress = self.progress
-        strain = np.log(progress.factors / progress.before)[: self.bed.assembly.dimension]
+        strain = libm.log(progress.factors / progress.before)[: self.bed.assembly.dimension]
         if abs(strain.sum()) > SAME_VOLUME:
             progress.before = progress.factors.copy()
         return abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats
-from voxgran._base.compiling.threads import one_blas_thread
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
@@ -81,23 +81,25 @@ def forces_in_cones(
         slope = -2.0 * SIGNS * parts / inside[:, None]
         # inverse of the second derivatives of the barrier
         bend = (parts[:, :, None] * parts[:, None, :] - 0.5 * inside[:, None, None] * np.diag(SIGNS)) / weight
-        left = program.matrix @ parts.ravel() - program.right
-        free = np.einsum("mij,mj->mi", bend, (program.matrix.T @ left).reshape(m, 3) + weight * slope)
-        held = _solved(program, bend, program.matrix @ free.ravel())
+        left = program.matrix @ parts.ravel() - program.right  # bits: sparse
+        pull = (program.matrix.T @ left).reshape(m, 3) + weight * slope  # bits: sparse
+        free = linear.einsum("mij,mj->mi", bend, pull)
+        held = _solved(program, bend, program.matrix @ free.ravel())  # bits: sparse
         if held is None:
             break
-        change = np.einsum("mij,mj->mi", bend, (program.matrix.T @ held).reshape(m, 3)) - free
+        pull = (program.matrix.T @ held).reshape(m, 3)  # bits: sparse
+        change = linear.einsum("mij,mj->mi", bend, pull) - free
         length = min(1.0, SHORT_OF_EDGE * _to_the_edge(parts, change))
         parts = parts + length * change
-        left = program.matrix @ parts.ravel() - program.right
-        size = float(left @ left)
+        left = program.matrix @ parts.ravel() - program.right  # bits: sparse
+        size = float(linear.matmul(left, left))
         # where nothing balances all grains, what is left over hardly changes any more
         if np.abs(left).max() < tolerance or (weight < LEAST_WEIGHT and size > GAINED * before):
             break
         before = size
         if length > LONG:
             weight *= FALLS
-    return np.asarray(np.einsum("mi,mij->mj", parts, program.columns) * program.mean)
+    return np.asarray(linear.einsum("mi,mij->mj", parts, program.columns) * program.mean)
 
 
 def _program(
@@ -108,7 +110,7 @@ def _program(
     n, normal = len(radius), row[:, NORMAL : NORMAL + 3]
     # a tangent, across the axis that is farthest from the normal
     tangent = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
-    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    tangent /= linear.norm(tangent, axis=1)[:, None]
     columns = np.stack([normal, friction[:, None] * tangent, friction[:, None] * np.cross(normal, tangent)], axis=1)
     partner = np.where(contacts.j < n, contacts.j, -1)
     both = np.stack([contacts.i, np.maximum(partner, 0)], axis=1)
@@ -132,7 +134,7 @@ def _program(
     sparse = load("scipy.sparse")
     balance = sparse.csr_array((blocks.ravel(), (places.ravel(), unknown.ravel())), shape=(6 * n, 3 * m))
     right = np.concatenate([np.zeros(6 * n), pressed[prescribed] / (mean * np.sqrt(m))])
-    values = np.einsum("vp,mpbf->mvbf", PAIRS, blocks).reshape(6 * m, 2, 6)
+    values = linear.einsum("vp,mpbf->mvbf", PAIRS, blocks).reshape(6 * m, 2, 6)
     fronts = FrontalMatrix(np.repeat(contacts.i, 6), np.repeat(partner, 6), values, np.argsort(height, kind="stable"))
     return _Program(sparse.vstack([balance, sparse.csr_array(virial)]).tocsr(), virial, right, fronts, columns, mean)
 
@@ -140,9 +142,9 @@ def _program(
 def _first_parts(program: _Program, forces: Floats) -> Floats:
     """Return the parts (m, 3) of forces, moved into their cones."""
     size = (program.columns**2).sum(axis=2)
-    parts = np.einsum("mij,mj->mi", program.columns, forces) / np.where(size > 0.0, size, 1.0) / program.mean
+    parts = linear.einsum("mij,mj->mi", program.columns, forces) / np.where(size > 0.0, size, 1.0) / program.mean
     parts[:, 0] = np.maximum(parts[:, 0], LEAST)
-    across = np.linalg.norm(parts[:, 1:], axis=1)
+    across = linear.norm(parts[:, 1:], axis=1)
     parts[:, 1:] *= np.minimum(1.0, INSIDE * parts[:, 0] / np.maximum(across, 1e-300))[:, None]
     return np.asarray(parts)
 
@@ -155,17 +157,15 @@ def _solved(program: _Program, bend: Floats, right: Floats) -> Floats | None:
     mixed = bend[:, [1, 0, 0], [2, 2, 1]]
     pure = bend[:, [0, 1, 2], [0, 1, 2]] - mixed.sum(axis=1)[:, None] + mixed
     k, n = len(program.virial), len(right) - len(program.virial)
-    moved = np.einsum("kmi,mij->kmj", program.virial.reshape(k, -1, 3), bend).reshape(k, -1)
-    coupled = program.matrix[:n] @ moved.T
-    # threads of small products wait for each other longer than they work, and give other bits
-    with one_blas_thread():
-        if not program.grains.factorize(np.hstack([pure, mixed]).ravel()):
-            return None
-        x = program.grains.solve(right[:n])
-        by_stress = np.array([program.grains.solve(column) for column in coupled.T])
-    rest = np.eye(k) + moved @ program.virial.T - by_stress @ coupled
-    stress = np.linalg.solve(rest, right[n:] - coupled.T @ x)
-    return np.concatenate([x - stress @ by_stress, stress])
+    moved = linear.einsum("kmi,mij->kmj", program.virial.reshape(k, -1, 3), bend).reshape(k, -1)
+    coupled = program.matrix[:n] @ moved.T  # bits: sparse
+    if not program.grains.factorize(np.hstack([pure, mixed]).ravel()):
+        return None
+    x = program.grains.solve(right[:n])
+    by_stress = np.array([program.grains.solve(column) for column in coupled.T])
+    rest = np.eye(k) + linear.matmul(moved, program.virial.T) - linear.matmul(by_stress, coupled)
+    stress = linear.solve(rest, right[n:] - linear.matmul(coupled.T, x))
+    return np.concatenate([x - linear.matmul(stress, by_stress), stress])
 
 
 def _to_the_edge(parts: Floats, change: Floats) -> float:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
@@ -273,7 +274,7 @@ def balance_bed(
                 near=NEAR * tolerance, patience=patience,
             )  # fmt: skip
     else:
-        distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
+        distance, height = ACCURACY * tolerance, -linear.matmul(bed.grains.position, bed.gravity)
         normal = row[:, NORMAL : NORMAL + 3]
         known = np.maximum((forces * normal).sum(axis=1), 0.0)[:, None] * normal
         push, accelerations, made = frictionless_forces(contacts, accuracy=distance, height=height)
@@ -298,17 +299,17 @@ def _limits(bed: Bed, tolerance: float) -> Floats:
 def _rests(bed: Bed, accelerations: Floats, tolerance: float) -> tuple[Floats, Floats, Booleans]:
     """Return the net force and torque of each grain, in its weight and radius, and whether they are small."""
     bodies = bed.bodies
-    residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
+    residual = linear.norm(accelerations[:-1, :3], axis=1)
     # moment of inertia over mass, beside the radius of a sphere or disk of the same volume
     moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
-    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / (0.5 * bed.diameter)
+    torque = linear.norm(accelerations[:-1, 3:], axis=1) * moment / (0.5 * bed.diameter)
     return residual, torque, (residual <= tolerance) & (torque <= tolerance)
 
 
 def carried_by(bed: Bed, forces: Floats) -> Floats:
     """Return the sum of the downward forces of others on each grain of a bed, (n,), in its own weights."""
     i, j, n = bed.rows.i[: bed.m], bed.rows.j[: bed.m], bed.count
-    along = forces @ bed.gravity
+    along = linear.matmul(forces, bed.gravity)
     carried = np.bincount(i, np.maximum(-along, 0.0), minlength=n)
     inner = (j >= 0) & (j < n)
     carried += np.bincount(j[inner], np.maximum(along[inner], 0.0), minlength=n)

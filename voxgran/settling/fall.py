@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.manifolds.rows import MASS, PUSH
@@ -56,7 +57,7 @@ def let_fall(bed: Bed, residual: Floats, how: Fall) -> Bed:
     for step in range(LOOSE_STEPS):
         fall_step(fallen, how, substep if step else 0.0)
     # the bounds on how far surfaces have moved since the last search do not hold for these grains any more
-    old.way[loose] += np.linalg.norm(fallen.grains.position - old.position, axis=1)[loose] + 2.0 * old.radius[loose]
+    old.way[loose] += linear.norm(fallen.grains.position - old.position, axis=1)[loose] + 2.0 * old.radius[loose]
     for name in ("position", "matrix"):
         getattr(old, name)[:] = getattr(fallen.grains, name)
     bed.orientation[:], bed.carried = fallen.orientation, np.full(2, np.nan)
@@ -71,7 +72,7 @@ def stop_falling(bed: Bed, substep: float) -> None:
 
 def is_slow(bed: Bed) -> bool:
     """Return whether the grains have little kinetic energy, and few of them move fast."""
-    speed = np.linalg.norm(bed.bodies[: bed.count, :3], axis=1)
+    speed = linear.norm(bed.bodies[: bed.count, :3], axis=1)
     return bed.kinetic_energy < ENERGY and bed.mean(speed > FAST) < FEW
 
 

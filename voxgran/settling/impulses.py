@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
@@ -70,7 +71,9 @@ def bodies_of(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     # the mean of the three principal moments stands for all: rest does not depend on them
     own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
     power = assembly.dimension + 2
-    moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
+    moment = (
+        np.array(own)[assembly.shape_id[order]] * libm.power(assembly.scale[order], power) / unit if n else np.zeros(0)
+    )
     bodies[:n, 7] = 1.0 / (moment * density)
     bodies[:n, 6:][~assembly.movable[order]] = 0.0
     bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
@@ -83,7 +86,7 @@ def rolls_of(shapes: Sequence[Shape]) -> Floats:
     The square of a vector is what the inverse of the least moment has beyond that of the mean, over the latter.
     """
     inertia = [shape.inertia if shape.dimension == 3 else np.eye(3) for shape in shapes]
-    moments, axes = np.linalg.eigh(np.reshape(inertia, (-1, 3, 3)))
+    moments, axes = linear.eigh(np.reshape(inertia, (-1, 3, 3)))
     more = moments.mean(axis=1) / moments[:, 0] - 1.0
     return np.asarray(np.sqrt(np.where(more > SLENDER - 1.0, more, 0.0))[:, None] * axes[:, :, 0])
 

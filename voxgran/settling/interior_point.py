@@ -7,8 +7,8 @@ that each serves several corrections of a step.
 
 The factors are those of Cholesky, by the frontal method: bodies are eliminated in a given order, in groups, each in a
 dense matrix, its front, of the group and of the later bodies that are coupled to it or, through eliminated ones, will
-be. In the order of heights a front is a layer of the bed, about one grain thick. All of the work is matrix products of
-LAPACK and BLAS.
+be. In the order of heights a front is a layer of the bed, about one grain thick. Most of the work is products of
+matrices, in tiles.
 
 References
 ----------
@@ -18,21 +18,24 @@ Irons 1970, A frontal solution program for finite element analysis, doi:10.1002/
 Duff & Reid 1983, The multifrontal solution of indefinite sparse symmetric linear, doi:10.1145/356044.356047
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.compiling.threads import one_blas_thread
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
+from voxgran._base.tiles import COLUMNS, ROWS, add_tile, padded
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, OUTLINE, SPHERE, SURFACE
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.bed import Bed
 
-#: unknowns of a group: with fewer, fronts are copied more often; with more, they are larger
-GROUP = 160
+#: unknowns of a group, whole tiles: with fewer, fronts are copied more often; with more, the factors on the diagonal
+#: take longer than the products (60 was the fastest of 60 to 160 for layers of 16 to 256 bodies)
+GROUP = 60
 
 
 class _Front(NamedTuple):
@@ -76,8 +79,9 @@ class FrontalMatrix:
         self._fronts = list(self._fronts_of(order, here[self._rows], there[self._rows]))
         sizes = [(len(front.own), len(front.rest)) for front in self._fronts]
         # inverses of the factors on the diagonal, and the factors below them
-        self._factors = [(np.zeros((p, p)), np.empty((b, p))) for p, b in sizes]
-        self._updates = np.empty((2, max((b for _, b in sizes), default=0) ** 2))
+        self._factors = [(np.zeros((p, p)), np.zeros((padded(b, ROWS), padded(p, COLUMNS)))) for p, b in sizes]
+        most = max((b for _, b in sizes), default=0)
+        self._updates = np.zeros((2, padded(most, ROWS) * padded(most, COLUMNS)))
 
     def _fronts_of(self, order: Integers, here: Integers, there: Integers) -> Any:
         """Yield the fronts, and write where the bodies of each row are in them."""
@@ -101,33 +105,80 @@ class FrontalMatrix:
 
         In exact numbers it is; with weights that are too large it may not be.
         """
-        lapack, blas = load("scipy.linalg.lapack"), load("scipy.linalg.blas")
         weights, old = weights[self._rows], self._updates[0][:0].reshape(0, 0)
         for k, (front, (own, side)) in enumerate(zip(self._fronts, self._factors, strict=True)):
             stop_if_asked()
             b, some = len(front.rest), slice(front.first, front.last)
-            update = self._updates[k % 2][: b * b].reshape(b, b)
-            _assemble(own, side, update, old, front.place, self._local[some], self._values[some], weights[some])
-            # transposed views have the order of LAPACK: upper factors there are lower ones here
-            if lapack.dpotrf(own.T, lower=0, overwrite_a=1, clean=0)[1]:
+            shape = padded(b, ROWS), padded(b, COLUMNS)
+            update, below = self._updates[k % 2][: shape[0] * shape[1]].reshape(shape), np.zeros_like(side)
+            parts = self._local[some], self._values[some], weights[some]
+            _assemble(own, below[:b], update[:b], old, front.place, *parts)
+            if not _eliminate(own, below, side, update):
                 return False
-            # products with the inverse are several times as fast as solutions
-            lapack.dtrtri(own.T, lower=0, overwrite_c=1)
-            if b:
-                blas.dtrmm(1.0, own.T, side.T, trans_a=1, overwrite_b=1)
-                blas.dsyrk(-1.0, side.T, beta=1.0, c=update.T, trans=1, overwrite_c=1)
             old = update
         return True
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution x (n d,) for a right-hand side, with the factors that were computed last."""
         x = right.copy()
-        for front, (own, side) in zip(self._fronts, self._factors, strict=True):
-            x[front.own] = own @ x[front.own]
-            x[front.rest] -= side @ x[front.own]
-        for front, (own, side) in zip(reversed(self._fronts), reversed(self._factors), strict=True):
-            x[front.own] = (x[front.own] - x[front.rest] @ side) @ own
+        pairs = zip(self._fronts, self._factors, strict=True)
+        factors = [(own, side[: len(front.rest), : len(own)]) for front, (own, side) in pairs]
+        for front, (own, side) in zip(self._fronts, factors, strict=True):
+            x[front.own] = linear.matmul(own, x[front.own])
+            x[front.rest] -= linear.matmul(side, x[front.own])
+        for front, (own, side) in zip(reversed(self._fronts), reversed(factors), strict=True):
+            x[front.own] = linear.matmul(x[front.own] - linear.matmul(x[front.rest], side), own)
         return x
+
+
+@kernel
+def _eliminate(own, below, side, update):  # type: ignore[no-untyped-def]
+    """Eliminate the p unknowns of a front; return False where the matrix is not positive definite.
+
+    own: (p, p) lower triangle; becomes the inverse of its factor.  below: (b, p) entries below it.  side: becomes the
+    factor below it.  update: (b, b) lower triangle of the rest, from which the square of `side` is subtracted. All but
+    the first are as large as whole tiles, with zeros.
+    """
+    p = len(own)
+    upper, inverse = own.T.copy(), np.zeros((p, p))
+    for k in range(p):
+        if not upper[k, k] > 0.0:
+            return False
+        root = math.sqrt(upper[k, k])
+        for j in range(k, p):
+            upper[k, j] /= root
+        for i in range(k + 1, p):
+            part = upper[k, i]
+            for j in range(i, p):
+                upper[i, j] -= part * upper[k, j]
+    # products with the inverse are several times as fast as solutions
+    for i in range(p - 1, -1, -1):
+        inverse[i, i] = 1.0
+        for k in range(i + 1, p):
+            part = upper[i, k]
+            for j in range(k, p):
+                inverse[i, j] -= part * inverse[k, j]
+        for j in range(i, p):
+            inverse[i, j] /= upper[i, i]
+            own[j, i] = inverse[i, j]
+    strip, strips = np.zeros((p, COLUMNS)), np.zeros((update.shape[1] // COLUMNS * p, COLUMNS))
+    for j in range(0, side.shape[1], COLUMNS):
+        for k in range(p):
+            for c in range(COLUMNS):
+                strip[k, c] = inverse[k, j + c] if j + c < p else 0.0
+        for i in range(0, len(side), ROWS):
+            for r in range(i, i + ROWS):
+                for c in range(j, j + COLUMNS):
+                    side[r, c] = 0.0
+            add_tile(side, below, strip, i, j, 0, min(p, j + COLUMNS))
+    for i in range(len(side)):
+        begin, c = i // COLUMNS * p, i % COLUMNS
+        for k in range(p):
+            strips[begin + k, c] = -side[i, k]
+    for i in range(0, len(side), ROWS):
+        for j in range(0, i + ROWS, COLUMNS):
+            add_tile(update, side, strips, i, j, j // COLUMNS * p, p)
+    return True
 
 
 @bare_kernel
@@ -205,9 +256,7 @@ def frictionless_forces(
     x, force, made = weight, np.zeros(0), 0
     if m:
         matrix = FrontalMatrix(contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms)), order)
-        # threads of small products wait for each other longer than they work, and give other bits
-        with one_blas_thread():
-            x, force, made = _solved(jacobian, matrix, weight, accuracy)
+        x, force, made = _solved(jacobian, matrix, weight, accuracy)
     accelerations = np.zeros((len(bodies), 6))
     accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, contacts.gravity, 0.0)
     accelerations[:, freedoms] = x.reshape(len(bodies), -1) * np.sqrt(_inverse_masses(bodies)[:, freedoms])
@@ -222,7 +271,7 @@ def is_direct(bed: Bed) -> bool:
     if {SURFACE, OUTLINE} & bed.finders.kinds:
         return False
     lower, upper = bed.assembly.container.bounds
-    height = float((upper - lower) @ np.abs(bed.gravity))
+    height = float(linear.matmul(upper - lower, np.abs(bed.gravity)))
     unknowns = (6 if bed.finders.kinds - {SPHERE} else 3) * bed.assembly.count
     area = bed.assembly.container.volume / max(height, 1.0)
     return unknowns * min(unknowns, LAYER * area * unknowns / max(bed.assembly.count, 1)) ** 2 <= MOST_WORK
@@ -244,7 +293,9 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
     one = -np.hstack([normal, np.cross(row[:, ARM_I : ARM_I + 3], normal)]) * root[i]
     other = np.hstack([normal, np.cross(row[:, ARM_J : ARM_J + 3], normal)]) * root[j]
     at_lid = j == lid
-    other[at_lid] = np.hstack([np.outer(normal[at_lid] @ gravity, gravity), np.zeros((int(at_lid.sum()), 3))])
+    other[at_lid] = np.hstack(
+        [np.outer(linear.matmul(normal[at_lid], gravity), gravity), np.zeros((int(at_lid.sum()), 3))]
+    )
     other[at_lid] *= root[lid]
     other[j < 0] = 0.0
     pull = np.hstack([np.tile(gravity, (lid + 1, 1)), np.zeros((lid + 1, 3))]) / np.where(root > 0.0, root, np.inf)
@@ -261,13 +312,13 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
 def _solved(jacobian: Any, matrix: FrontalMatrix, weight: Floats, accuracy: float) -> tuple[Floats, Floats, int]:
     """Return the scaled accelerations, the forces, and the number of factorizations."""
     transposed, force = jacobian.T.tocsr(), np.full(jacobian.shape[0], FIRST)
-    x = weight + transposed @ force
-    slack = np.maximum(jacobian @ x, FIRST)
+    x = weight + transposed @ force  # bits: sparse
+    slack = np.maximum(jacobian @ x, FIRST)  # bits: sparse
     made = 0
     while made < ITERATIONS:
         stop_if_asked()
-        rest, short = x - weight - transposed @ force, jacobian @ x - slack
-        mean = float(slack @ force) / len(force)
+        rest, short = x - weight - transposed @ force, jacobian @ x - slack  # bits: sparse
+        mean = float(linear.matmul(slack, force)) / len(force)
         worst = max(float(np.abs(one).max()) for one in (rest, short))
         if mean < accuracy**2 and worst < accuracy:
             break
@@ -296,8 +347,8 @@ class _Step(NamedTuple):
     def towards(self, excess: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the changes of x, slack and force that lessen the products of the last two by an excess."""
         pull = -(excess + self.force * self.short) / self.slack
-        dx = self.matrix.solve(self.transposed @ pull - self.rest)
-        change = self.jacobian @ dx
+        dx = self.matrix.solve(self.transposed @ pull - self.rest)  # bits: sparse
+        change = self.jacobian @ dx  # bits: sparse
         return dx, change + self.short, pull - self.force * change / self.slack
 
     def length(self, ds: Floats, df: Floats) -> float:
@@ -308,7 +359,7 @@ class _Step(NamedTuple):
         """Return the longest step found, and the part of it that can be made; mean: of the products now."""
         excess = self.slack * self.force
         _, ds, df = self.towards(excess)
-        reached = (self.slack + _part(self.slack, ds) * ds) @ (self.force + _part(self.force, df) * df)
+        reached = linear.matmul(self.slack + _part(self.slack, ds) * ds, self.force + _part(self.force, df) * df)
         target = (float(reached) / len(ds) / mean) ** 3 * mean
         excess = excess + ds * df - target
         found = self.towards(excess)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import from_mapping, parameter
@@ -259,7 +259,7 @@ class FrictionTable:
     def mean(self) -> float:
         """Coefficient of grains that meet at random."""
         share = np.bincount(self._grains, minlength=len(self._pairs)) / max(len(self._grains), 1)
-        return float(share @ self._pairs @ share)
+        return float(linear.matmul(linear.matmul(share, self._pairs), share))
 
 
 def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | FrictionTable":

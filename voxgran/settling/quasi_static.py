@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, SURFACE
 from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces
 from voxgran.settling.bed import Bed
@@ -79,7 +80,7 @@ def quasi_static_step(
     )
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)
-    return bed.mean(np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING)
+    return bed.mean(linear.norm(accelerations[: bed.count, :3], axis=1) > MOVING)
 
 
 def _rolling(bed: Bed) -> LoadedContacts:
@@ -87,7 +88,9 @@ def _rolling(bed: Bed) -> LoadedContacts:
     if not bed.rolls.any():
         return bed.contacts
     grains, bodies = bed.grains, bed.bodies
-    roll = np.einsum("nij,nj->ni", grains.matrix, bed.rolls[grains.shape]) * np.sqrt(bodies[:-1, INVERSE_MOMENT, None])
+    roll = linear.einsum("nij,nj->ni", grains.matrix, bed.rolls[grains.shape]) * np.sqrt(
+        bodies[:-1, INVERSE_MOMENT, None]
+    )
     return bed.contacts._replace(bodies=np.hstack([bodies, np.vstack([roll, np.zeros(3)])]))
 
 

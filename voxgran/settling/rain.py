@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import PUSH
 from voxgran.containers.model import periods_of
@@ -87,7 +88,7 @@ def _admit_grains(bed: Bed, rain: Rain, many: int, step: int) -> int:
     """Let up to `many` further grains arrive, as long as they find room; return how many have."""
     first, found, radii = bed.count, list[Floats](), bed.assembly.bounding_radii
     # the bed is what pushes or does not move; all else flies
-    lies = np.linalg.norm(bed.bodies[:first, :3], axis=1) < STILL
+    lies = linear.norm(bed.bodies[:first, :3], axis=1) < STILL
     pushing = bed.rows.row[: bed.m, PUSH] > 0.0
     lies[bed.rows.i[: bed.m][pushing]] = True
     partner = bed.rows.j[: bed.m][pushing]
@@ -115,15 +116,15 @@ def _arrival(bed: Bed, places: Floats, radius: float, spheres: Floats, level: fl
     floor, top = (float(ends.sum()) for ends in np.sort([lower * up, upper * up], axis=0))
     for place in places:
         offset = spheres[:, :3] - place
-        offset -= nearest_turns(offset, periods) @ periods
-        along = offset @ up
+        offset -= linear.matmul(nearest_turns(offset, periods), periods)
+        along = linear.matmul(offset, up)
         # half the length of the line through the place on which the sphere would meet each of the others
         half = np.sqrt(np.maximum((spheres[:, 3] + radius) ** 2 - (offset**2).sum(axis=1) + along**2, 0.0))
         met = (half > 0.0) & (spheres[:, 4] > 0.0)
-        surface = float((along + half)[met].max(initial=-math.inf)) + place @ up
+        surface = float((along + half)[met].max(initial=-math.inf)) + linear.matmul(place, up)
         start = max(surface, floor + radius, level) + CLEAR
         levels = np.arange(start, max(top - radius, start) + LEVELS, LEVELS)
-        points = place + (levels - place @ up)[:, None] * up
+        points = place + (levels - linear.matmul(place, up))[:, None] * up
         inside = np.asarray(container.signed_distance(points)) <= -radius
         if not inside.any():
             continue
@@ -131,6 +132,6 @@ def _arrival(bed: Bed, places: Floats, radius: float, spheres: Floats, level: fl
         last = len(inside) - 1 - int(np.argmax(inside[::-1]))
         below = np.flatnonzero(~inside[:last])
         begin = below[-1] + 1 if len(below) else 0
-        if (np.abs(along - (levels[begin] - place @ up)) >= half).all():
+        if (np.abs(along - (levels[begin] - linear.matmul(place, up))) >= half).all():
             return np.asarray(points[begin])
     return None

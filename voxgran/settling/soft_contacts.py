@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.stopping import stop_if_asked
@@ -146,12 +147,12 @@ def _springs_of(bed: Bed, size: float, rest: float, beside: float) -> tuple[Spri
     one[spheres], two[spheres] = 0.0, 0.0
     force, power = _mean_force(bed), bed.assembly.dimension - 1
     smaller = np.minimum(bed.diameter[i], bed.diameter[other])
-    stiffness = 0.5 * (force[i] + force[other]) * smaller**power / size * shares_of_corners(row, i, j)
+    stiffness = 0.5 * (force[i] + force[other]) * libm.power(smaller, power) / size * shares_of_corners(row, i, j)
     line = normal * (reach + row[:, GAP])[:, None]
     near = row[:, GAP] < beside
     inner = near & (j >= 0)
     mass = np.bincount(i[near], stiffness[near], n + 1) + np.bincount(j[inner], stiffness[inner], n + 1)
-    least = FEWEST * np.append(force * bed.diameter**power, 1.0) / size
+    least = FEWEST * np.append(force * libm.power(bed.diameter, power), 1.0) / size
     lightness = np.zeros((n + 1, 2))
     lightness[:, 0] = np.where(bed.bodies[:, 6] > 0.0, FEWEST / np.maximum(mass, least), 0.0)
     lightness[:n, 1] = lightness[:n, 0] / (MOMENT * bed.grains.radius**2)
@@ -160,7 +161,7 @@ def _springs_of(bed: Bed, size: float, rest: float, beside: float) -> tuple[Spri
 
 def _mean_force(bed: Bed) -> Floats:
     """Return about the mean force of a contact of each grain, (n,), by its depth below the surface and the lid."""
-    height = -(bed.grains.position @ bed.gravity)
+    height = -linear.matmul(bed.grains.position, bed.gravity)
     depth = np.maximum(np.quantile(height, 1.0 - TOP) - height, 0.0)
     return 1.0 + depth + (bed.load - 1.0) * depth.max(initial=1.0)
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
@@ -240,7 +241,7 @@ class Settler(Examined):
 
     def _layers(self) -> float:
         """Return the height of the bed, in median diameters."""
-        return float(np.ptp(self.bed.grains.position @ self.bed.gravity)) if self.bed.count else 0.0
+        return float(np.ptp(linear.matmul(self.bed.grains.position, self.bed.gravity))) if self.bed.count else 0.0
 
     def _drop(self) -> None:
         """Make a step of the fall."""
@@ -274,7 +275,7 @@ class Settler(Examined):
     def _height(self) -> float:
         """Return the height of the container along gravity, in median diameters."""
         lower, upper = self.bed.assembly.container.bounds
-        return float((upper - lower) @ np.abs(self.bed.gravity))
+        return float(linear.matmul(upper - lower, np.abs(self.bed.gravity)))
 
     def _shake(self) -> None:
         """Make a step in which each grain is accelerated in a direction of its own."""

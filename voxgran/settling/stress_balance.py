@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
@@ -55,17 +56,21 @@ def pressed_forces(
     mobility: (6, 6) strains under unit loads.  load: (6,) stress times volume.  openness, skin, tolerance: as in a
     quasi-static step.  scaled_every: iterations between two multiplications of all forces.
     """
-    cell, stiffness = Cell(np.ascontiguousarray(mobility), load), np.linalg.pinv(mobility, hermitian=True)
+    cell, stiffness = Cell(np.ascontiguousarray(mobility), load), linear.pseudoinverse(mobility)
     contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
     normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
     inverse, rub = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1), bed.friction_at(friction)
     weight = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
-    pressed = cell.mobility @ load
+    pressed = linear.matmul(cell.mobility, load)
     accelerations = net_accelerations(contacts, forces)
     while made < iterations:
         virial = accelerations[-1] + pressed
-        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(virial @ stiffness @ virial)
-        work = float(virial @ stiffness @ pressed) - float(openness @ (forces * normal).sum(axis=1))
+        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(
+            linear.matmul(linear.matmul(virial, stiffness), virial)
+        )
+        work = float(linear.matmul(linear.matmul(virial, stiffness), pressed)) - float(
+            linear.matmul(openness, (forces * normal).sum(axis=1))
+        )
         if energy > 0.0:
             forces *= min(max(work / energy, LEAST_FACTOR), MOST_FACTOR)
         accelerations, turns = gauss_seidel_forces(
@@ -137,8 +142,10 @@ def balance_grains(
         bed.keep_forces(forces)
         force, torque, bearing = _residuals(bed, forces, accelerations)
         stress = stress_of(bed, forces)
-        excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
-        axial = (modes @ load)[:3]
+        excess = linear.matmul(
+            modes, np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load
+        )
+        axial = linear.matmul(modes, load)[:3]
         missed = float(np.abs(excess).max() / axial[axial > 0.0].min(initial=np.abs(load).max()))
         # a grain that one contact pushes bears nothing, and is not in balance
         unrest, many = int((np.maximum(force, torque) > tolerance).sum()), int(bearing.sum())
@@ -158,7 +165,7 @@ def stress_of(bed: Bed, forces: Floats) -> Floats:
     """Return the mean stress tensor (3, 3) of Love and Weber of forces (m, 3), compression above 0."""
     row = bed.rows.row[: bed.m]
     branch = row[:, 3:6] - row[:, 6:9] + row[:, GAP, None] * row[:, NORMAL : NORMAL + 3]
-    return np.asarray(forces.T @ branch / bed.assembly.container.volume)
+    return np.asarray(linear.matmul(forces.T, branch) / bed.assembly.container.volume)
 
 
 def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
@@ -174,7 +181,7 @@ def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats,
     other = bears & (j >= 0) & (j < n)
     many = np.bincount(i[bears], minlength=n) + np.bincount(j[other], minlength=n)
     force, moment = (
-        np.divide(np.linalg.norm(part, axis=1), inverse, out=np.zeros(n), where=inverse > 0.0)
+        np.divide(linear.norm(part, axis=1), inverse, out=np.zeros(n), where=inverse > 0.0)
         for part, inverse in ((accelerations[:n, :3], bed.bodies[:n, 6]), (accelerations[:n, 3:], bed.bodies[:n, 7]))
     )
     return force / mean, moment / (0.5 * bed.diameter) / mean, (many >= HELD) & bed.movable
@@ -184,7 +191,7 @@ def without_weight(bed: Bed) -> None:
     """Give the bodies of a bed the mobilities of grains that are compressed."""
     bodies, free = bed.bodies[: bed.count], bed.movable
     gyration = bodies[free, 6] / bodies[free, 7]
-    bodies[free, 6] = bed.diameter[free] ** (1 - bed.assembly.dimension)
+    bodies[free, 6] = libm.power(bed.diameter[free], 1 - bed.assembly.dimension)
     bodies[free, 7] = bodies[free, 6] / gyration
 
 
@@ -222,7 +229,7 @@ def as_stress(value: "ArrayLike", dimension: int) -> Floats:
         raise InputError(f"stress is {shown(value)}: its numbers must be between {LEAST:g} and {MOST:g}; correct it")
     if not len(axes) or np.abs(filled - filled.T).max() > 1e-3 * np.abs(filled).max():
         raise InputError(f"stress is {shown(value)}: it must prescribe a symmetric tensor; correct it")
-    least = float(np.linalg.eigvalsh((filled + filled.T)[np.ix_(axes, axes)]).min()) / 2.0
+    least = float(linear.eigh((filled + filled.T)[np.ix_(axes, axes)])[0].min()) / 2.0
     if least <= 0.0:
         raise InputError(
             f"stress is {shown(value)}: its least principal stress is {least:.3g}, and grains that touch bear no "
@@ -277,7 +284,7 @@ def keep_known_forces(bed: Bed, known: ContactForces, friction: float | Friction
     push = (forces * normal).sum(axis=1)
     across = forces - push[:, None] * normal
     push = np.maximum(push, 0.0)
-    slides = np.linalg.norm(across, axis=1)
+    slides = linear.norm(across, axis=1)
     part = np.minimum(1.0, bed.friction_at(friction) * push / np.maximum(slides, 1e-300))
     bed.keep_forces(push[:, None] * normal + part[:, None] * across)
 

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.settling.balance import LoadedContacts, masses_of, net_accelerations
 from voxgran.settling.cell import INVERSE_MASS, INVERSE_MOMENT
@@ -64,7 +65,7 @@ def decide_rest(
 def _moves(contacts: LoadedContacts, found: Floats, limit: Floats, error: Floats | None = None) -> Booleans:
     """Return which bodies (n + 1,) accelerate by more than their limit and an error, which is weighted by mass."""
     root = np.sqrt(masses_of(contacts))
-    beyond = np.linalg.norm(found.reshape(-1, 2, 3), axis=2) * root - limit * root[:, :1]
+    beyond = linear.norm(found.reshape(-1, 2, 3), axis=2) * root - limit * root[:, :1]
     return np.asarray(beyond.max(axis=1) > (0.0 if error is None else error))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry
@@ -34,7 +35,7 @@ def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers)
     # the edge that is not cut comes last
     a, b, c, p, q, _ = _from_corner(faces, on, (cuts == 2), np.roll(on, 1, axis=1) < 0)
     parts.append(np.column_stack([p, b, q]))
-    across = np.linalg.norm(vertices[a] - vertices[q], axis=1) <= np.linalg.norm(vertices[p] - vertices[c], axis=1)
+    across = linear.norm(vertices[a] - vertices[q], axis=1) <= linear.norm(vertices[p] - vertices[c], axis=1)
     parts.append(np.column_stack([a, p, np.where(across, q, c)]))
     parts.append(np.column_stack([np.where(across, a, p), q, c]))
     a, b, c, p, q, r = _from_corner(faces, on, (cuts == 3), on >= 0)
@@ -59,12 +60,12 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
         return _onto_spheres(points, geometry.centers, geometry.radii)
     if not isinstance(geometry, Primitive) or geometry.kind == "box":
         return points
-    p, d = points @ geometry.matrix, geometry.dimensions
+    p, d = linear.matmul(points, geometry.matrix), geometry.dimensions
     if geometry.kind in ("sphere", "ellipsoid"):
-        p = p / np.linalg.norm(p / np.array(d * 3 if geometry.kind == "sphere" else d), axis=1, keepdims=True)
+        p = p / linear.norm(p / np.array(d * 3 if geometry.kind == "sphere" else d), axis=1, keepdims=True)
     elif geometry.kind == "spherocylinder":
         way = from_axis(p, d[1])
-        p += way * (d[0] / np.linalg.norm(way, axis=1, keepdims=True) - 1)
+        p += way * (d[0] / linear.norm(way, axis=1, keepdims=True) - 1)
     else:
         foot = -d[1] / (2 if geometry.kind == "cylinder" else 4)
         top = d[1] / 2 if geometry.kind == "cylinder" else 0.75 * d[1]
@@ -72,7 +73,7 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
         side = (p[:, 2] > foot + 1e-12 * d[1]) & (p[:, 2] < top - 1e-12 * d[1])
         flat = np.hypot(p[:, 0], p[:, 1])
         p[:, :2] *= np.where(side, wanted / np.where(side, flat, 1.0), 1.0)[:, None]
-    return np.asarray(p @ geometry.matrix.T)
+    return np.asarray(linear.matmul(p, geometry.matrix.T))
 
 
 def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
@@ -80,7 +81,7 @@ def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
     deepest, moved = np.full(len(points), -np.inf), points.copy()
     for center, radius in zip(centers, radii, strict=True):
         way = points - center
-        length = np.linalg.norm(way, axis=1)
+        length = linear.norm(way, axis=1)
         better = (radius - length > deepest) & (length > 0)
         deepest[better] = (radius - length)[better]
         moved[better] = (center + way * (radius / np.where(length > 0, length, 1.0))[:, None])[better]
@@ -91,4 +92,4 @@ def vertex_normals(vertices: Floats, faces: Integers) -> Floats:
     """Return outward unit normals (n, 3) at the vertices: the area-weighted mean of the adjacent triangles."""
     total = np.zeros_like(vertices)
     np.add.at(total, faces, normals_of(vertices[faces])[:, None])
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    return total / np.maximum(linear.norm(total, axis=1, keepdims=True), 1e-300)

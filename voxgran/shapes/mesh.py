@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, box_of, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.kernels import kernel
@@ -140,7 +141,7 @@ class Triangles:
 
     def rotated(self, matrix: Floats) -> Self:
         """Return the triangles rotated about the origin by a (3, 3) rotation matrix."""
-        return type(self)(self.vertices @ matrix.T, self.corners)
+        return type(self)(linear.matmul(self.vertices, matrix.T), self.corners)
 
     def scaled(self, factor: float) -> Self:
         """Return the triangles scaled about the origin."""
@@ -166,7 +167,7 @@ class Mesh(Triangles):
         middle = np.mean(box_of(self.vertices), axis=0)
         points = self.vertices - middle
         a, b, c = corners = [points.take(self.corners[:, k], axis=0) for k in range(3)]
-        return middle, corners, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+        return middle, corners, linear.einsum("ij,ij->i", a, np.cross(b, c)) / 6
 
     @cached_property
     def _volume_and_centroid(self) -> tuple[float, Floats]:
@@ -202,8 +203,8 @@ class Mesh(Triangles):
         if self.volume == 0.0:
             return read_only(np.zeros((3, 3)))
         total, corners = a + b + c, np.stack([a, b, c], axis=1)
-        second = np.einsum("f,fki,fkj->ij", sixth, corners, corners)
-        second = (second + np.einsum("f,fi,fj->ij", sixth, total, total)) / 20
+        second = linear.einsum("f,fki,fkj->ij", sixth, corners, corners)
+        second = (second + linear.einsum("f,fi,fj->ij", sixth, total, total)) / 20
         offset = (sixth[:, None] * total).sum(axis=0) / 4 / self.volume
         second = second - self.volume * np.outer(offset, offset)
         return read_only(np.trace(second) * np.eye(3) - second)
@@ -231,7 +232,7 @@ def hull_of(points: Floats) -> Mesh:
     """Return the convex hull of (n, 3) points, which are all corners, its triangles counterclockwise from outside."""
     hull = load("scipy.spatial").ConvexHull(points)
     faces = hull.simplices.astype(np.int64)
-    inward = np.einsum("fi,fi->f", normals_of(points[faces]), hull.equations[:, :3]) < 0
+    inward = linear.einsum("fi,fi->f", normals_of(points[faces]), hull.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
     return Mesh(points, faces)
 
@@ -257,7 +258,7 @@ class Surface(Triangles):
         """Centroid of the area, (3,)."""
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
         share = self.areas / self.areas.sum()
-        return read_only(middle + share @ (self.triangles - middle).mean(axis=1))
+        return read_only(middle + linear.matmul(share, (self.triangles - middle).mean(axis=1)))
 
     @property
     def inertia(self) -> Floats:
@@ -279,8 +280,8 @@ class Surface(Triangles):
         corners = self.triangles - self.centroid
         total = corners.sum(axis=1)
         # the integral of x x^T over a triangle is a closed form of its corners
-        second = np.einsum("f,fki,fkj->ij", self.areas, corners, corners)
-        second = (second + np.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
+        second = linear.einsum("f,fki,fkj->ij", self.areas, corners, corners)
+        second = (second + linear.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
         return read_only(np.trace(second) * np.eye(3) - second)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, public
+from voxgran._base import ExplainedAttributes, linear, public
 from voxgran._base.arrays import (
     Booleans,
     Floats,
@@ -272,7 +272,7 @@ class Shape(ExplainedAttributes, Body):
         if isinstance(self.geometry, Outline):
             return self.geometry.signed_distance(places)
         if isinstance(self.geometry, Primitive) and self.geometry.kind == "sphere":
-            return np.asarray(np.linalg.norm(places, axis=1) - self.bounding_radius)
+            return np.asarray(linear.norm(places, axis=1) - self.bounding_radius)
         distance = self._tree.signed_distance(places)
         if isinstance(self.geometry, Mesh):
             return distance

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -60,14 +61,14 @@ class Outline(Moments):
         """Perimeter."""
         if self.kind == "disk":
             return 2 * math.pi * self.radius
-        return float(np.linalg.norm(np.roll(self.vertices, -1, axis=0) - self.vertices, axis=1).sum())
+        return float(linear.norm(np.roll(self.vertices, -1, axis=0) - self.vertices, axis=1).sum())
 
     @cached_property
     def bounding_radius(self) -> float:
         """Largest distance of a point from the origin of the frame."""
         if self.kind == "disk":
             return math.hypot(*self.center) + self.radius
-        return float(np.linalg.norm(self.vertices, axis=1).max())
+        return float(linear.norm(self.vertices, axis=1).max())
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -90,8 +91,8 @@ class Outline(Moments):
             area = float(cross.sum() / 2)
             total = p + q
             middle = (cross[:, None] * total).sum(axis=0) / (6 * area)
-            second = np.einsum("k,ki,kj->ij", cross, p, p) + np.einsum("k,ki,kj->ij", cross, q, q)
-            second = (second + np.einsum("k,ki,kj->ij", cross, total, total)) / 24
+            second = linear.einsum("k,ki,kj->ij", cross, p, p) + linear.einsum("k,ki,kj->ij", cross, q, q)
+            second = (second + linear.einsum("k,ki,kj->ij", cross, total, total)) / 24
             second = second - area * np.outer(middle, middle)
             middle = self.vertices[0] + middle
         polar = second[0, 0] + second[1, 1]
@@ -115,12 +116,12 @@ class Outline(Moments):
     def signed_distance(self, points: Floats) -> Floats:
         """Return the distance of (n, 3) points in the plane from the boundary, negative inside."""
         if self.kind == "disk":
-            return np.asarray(np.linalg.norm(points - np.array([*self.center, 0.0]), axis=1) - self.radius)
+            return np.asarray(linear.norm(points - np.array([*self.center, 0.0]), axis=1) - self.radius)
         p = points[:, None, :2]
         a, b = self.vertices, np.roll(self.vertices, -1, axis=0)
         along = b - a
         share = np.clip(((p - a) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-        distance = np.linalg.norm(p - a - share[..., None] * along, axis=2).min(axis=1)
+        distance = linear.norm(p - a - share[..., None] * along, axis=2).min(axis=1)
         side = along[:, 0] * (p[..., 1] - a[:, 1]) - along[:, 1] * (p[..., 0] - a[:, 0])
         crosses = ((a[:, 1] <= p[..., 1]) != (b[:, 1] <= p[..., 1])) & ((side > 0) == (b[:, 1] > a[:, 1]))
         return np.where(crosses.sum(axis=1) % 2 == 1, -distance, distance)
@@ -138,8 +139,8 @@ class Outline(Moments):
     def rotated(self, matrix: Floats) -> "Outline":
         """Return the outline rotated about the origin by a (3, 3) rotation matrix about z."""
         turn = matrix[:2, :2]
-        x, y = (float(value) for value in turn @ np.array(self.center))
-        return self._with(self.radius, self.vertices @ turn.T, (x, y))
+        x, y = (float(value) for value in linear.matmul(turn, np.array(self.center)))
+        return self._with(self.radius, linear.matmul(self.vertices, turn.T), (x, y))
 
     def scaled(self, factor: float) -> "Outline":
         """Return the outline scaled about the origin."""
@@ -158,7 +159,7 @@ class Outline(Moments):
         """Return vertices and faces in the plane z = 0, and their largest distance from the true outline."""
         if self.kind == "disk":
             angles = 2 * np.pi * np.arange(SIDES) / SIDES
-            ring = self.radius * np.column_stack([np.cos(angles), np.sin(angles)]) + self.center
+            ring = self.radius * np.column_stack([libm.cos(angles), libm.sin(angles)]) + self.center
             k = np.arange(1, SIDES - 1)
             faces = np.column_stack([np.zeros_like(k), k, k + 1])
             error = self.radius * (1 - math.cos(math.pi / SIDES))

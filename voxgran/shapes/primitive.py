@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -122,7 +123,7 @@ class Primitive:
         else:
             squares = 3 * np.array([d[0], d[0], d[1]]) ** 2 / (20, 20, 80)
         body = np.diag(v * (squares.sum() - squares))
-        return read_only(self.matrix @ body @ self.matrix.T)
+        return read_only(linear.matmul(linear.matmul(self.matrix, body), self.matrix.T))
 
     @cached_property
     def bounding_radius(self) -> float:
@@ -146,7 +147,7 @@ class Primitive:
 
     def support(self, directions: Floats) -> Floats:
         """Return the (n, 3) support points of the solid along (n, 3) directions."""
-        return self._body_support(directions @ self.matrix) @ self.matrix.T
+        return linear.matmul(self._body_support(linear.matmul(directions, self.matrix)), self.matrix.T)
 
     def _body_support(self, u: Floats) -> Floats:
         """Return the support points of the solid before rotation."""
@@ -154,11 +155,11 @@ class Primitive:
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
             stretched = u * axes
-            return stretched * axes / np.maximum(np.linalg.norm(stretched, axis=1, keepdims=True), 1e-300)
+            return stretched * axes / np.maximum(linear.norm(stretched, axis=1, keepdims=True), 1e-300)
         if self.kind == "box":
             return np.where(u >= 0, 0.5, -0.5) * np.array(d)
         if self.kind == "spherocylinder":
-            out = d[0] * u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-300)
+            out = d[0] * u / np.maximum(linear.norm(u, axis=1, keepdims=True), 1e-300)
             return out + np.where(u[:, 2:] >= 0, 0.5, -0.5) * [0.0, 0.0, d[1]]
         flat = np.hypot(u[:, 0], u[:, 1])
         ring = d[0] * u[:, :2] / np.maximum(flat, 1e-300)[:, None]
@@ -169,7 +170,7 @@ class Primitive:
 
     def contains(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return the mask of the (n, 3) points in the closed solid."""
-        p, d = points @ self.matrix, self.dimensions
+        p, d = linear.matmul(points, self.matrix), self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
             inside = ((p / axes) ** 2).sum(axis=1) <= 1.0
@@ -178,7 +179,7 @@ class Primitive:
         elif self.kind == "cylinder":
             inside = (np.hypot(p[:, 0], p[:, 1]) <= d[0]) & (np.abs(p[:, 2]) <= d[1] / 2)
         elif self.kind == "spherocylinder":
-            inside = np.linalg.norm(from_axis(p, d[1]), axis=1) <= d[0]
+            inside = linear.norm(from_axis(p, d[1]), axis=1) <= d[0]
         else:
             share = 0.75 - p[:, 2] / d[1]
             inside = (share <= 1.0) & (np.hypot(p[:, 0], p[:, 1]) <= d[0] * share)
@@ -209,7 +210,7 @@ class Primitive:
             vertices = vertices * (radius / (radius - error))
         elif self.kind != "box":
             vertices = vertices / np.array([math.cos(math.pi / SIDES), math.cos(math.pi / SIDES), 1.0])
-        return vertices @ self.matrix.T, faces
+        return linear.matmul(vertices, self.matrix.T), faces
 
     def tessellation(self, *, coarse: bool = False) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface.
@@ -231,7 +232,7 @@ class Primitive:
             error *= 2
         else:
             vertices, faces, error = revolved(self.profile(SIDES))
-        return vertices @ self.matrix.T, faces, error
+        return linear.matmul(vertices, self.matrix.T), faces, error
 
     def profile(self, sides: int) -> list[tuple[float, float]]:
         """Return heights and radii of a cylinder, a cone or a spherocylinder of revolution, from bottom to top.
@@ -244,7 +245,7 @@ class Primitive:
         if self.kind == "cone":
             return [(-height / 4, radius), (0.75 * height, 0.0)]
         angles = 2 * np.pi / sides * np.arange(1, sides // 4 + 1)
-        end = list(zip(height / 2 + radius * np.cos(angles), radius * np.sin(angles), strict=True))
+        end = list(zip(height / 2 + radius * libm.cos(angles), radius * libm.sin(angles), strict=True))
         bottom = [(-rise, flat) for rise, flat in end]
         return [(-height / 2 - radius, 0.0), *bottom, *end[::-1], (height / 2 + radius, 0.0)]
 

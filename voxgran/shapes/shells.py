@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.lattice.label import components
@@ -136,9 +137,9 @@ def shell_counts(points: Floats, faces: Integers, edges: Edges) -> dict[str, int
     a, b, c = np.moveaxis(triangles, 1, 0)
     normals = np.cross(b - a, c - a)
     middles = np.add.reduceat(a, bounds[:-1]) / np.diff(bounds)[:, None]
-    sixfold = np.einsum("fi,fi->f", a - np.repeat(middles, np.diff(bounds), axis=0), normals)
+    sixfold = linear.einsum("fi,fi->f", a - np.repeat(middles, np.diff(bounds), axis=0), normals)
     volumes = np.add.reduceat(sixfold, bounds[:-1]) / 6
-    areas = np.sqrt(np.einsum("fi,fi->f", normals, normals)) / 2
+    areas = np.sqrt(linear.einsum("fi,fi->f", normals, normals)) / 2
     flat = np.abs(volumes) <= FLAT * np.add.reduceat(areas, bounds[:-1])
     solid = np.flatnonzero(~flat)
     around = np.zeros(len(volumes), dtype=np.int64)
@@ -165,7 +166,7 @@ def inner_point(corners: Floats, volume: float) -> Floats:
     A point on the surface itself may lie on that of another shell, which touches this one.
     """
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    length = float(np.linalg.norm(normal))
+    length = float(linear.norm(normal))
     depth = np.sign(volume) * BELOW * np.sqrt(length) / length if length > 0.0 else 0.0
     return np.asarray(corners.mean(axis=0) - depth * normal)
 

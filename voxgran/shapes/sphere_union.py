@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.geometry.sphere_pairs import near_pairs
@@ -44,12 +45,12 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
     c, r = np.ascontiguousarray(centers[keep]), radii[keep]
     sums = _closed_sums(c, r)
     zeroth, first, second, third = _patch_moments(c, sums)
-    flux = np.einsum("ni,ni->n", c, first) + r * zeroth
-    inner = np.einsum("nij,nj->ni", second, c)
+    flux = linear.einsum("ni,ni->n", c, first) + r * zeroth
+    inner = linear.einsum("nij,nj->ni", second, c)
     volume = float((r**2 * flux).sum() / 3)
     moment = (r**2)[:, None] * (c * flux[:, None] + r[:, None] * inner + (r**2)[:, None] * first)
-    cross = np.einsum("ni,nj->nij", c, inner + r[:, None] * first) * r[:, None, None]
-    products = np.einsum("ni,nj,n->nij", c, c, flux) + cross + np.swapaxes(cross, 1, 2)
+    cross = linear.einsum("ni,nj->nij", c, inner + r[:, None] * first) * r[:, None, None]
+    products = linear.einsum("ni,nj,n->nij", c, c, flux) + cross + np.swapaxes(cross, 1, 2)
     products += (r**2)[:, None, None] * (third + r[:, None, None] * second)
     products *= (r**2)[:, None, None] / 5
     return volume, moment.sum(axis=0) / 4, products.sum(axis=0), float((r**2 * zeroth).sum())
@@ -70,7 +71,7 @@ def contained(centers: Floats, radii: Floats) -> Booleans:
     rank = np.empty(len(radii), dtype=np.int64)
     rank[order] = np.arange(len(radii))
     large, small = np.where(rank[i] < rank[j], i, j), np.where(rank[i] < rank[j], j, i)
-    distance = np.linalg.norm(centers[large] - centers[small], axis=1)
+    distance = linear.norm(centers[large] - centers[small], axis=1)
     result[small[distance <= radii[large] - radii[small] + HIDDEN * radii[large]]] = True
     return result
 
@@ -96,7 +97,7 @@ def _closed_sums(centers: Floats, radii: Floats) -> Floats:
 def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:
     """Return the boundary integrals (n, 16) of the exposed region of each sphere, and the largest gap."""
     i, j = _touching(centers, radii)
-    distance = np.linalg.norm(centers[j] - centers[i], axis=1)
+    distance = linear.norm(centers[j] - centers[i], axis=1)
     crossing = (distance < radii[i] + radii[j]) & (distance > np.abs(radii[i] - radii[j]))
     i, j = i[crossing], j[crossing]
     both, other = np.concatenate([i, j]), np.concatenate([j, i])
@@ -112,7 +113,7 @@ def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:
     union = Union(centers, radii, start, neighbours, poles, *buffers, rule)
     _integrate(union, i, j, sums)
     excess = np.abs(sums[:, 0] - 2 * math.pi) - 2 * math.pi
-    gap = max(np.linalg.norm(sums[:, 16:], axis=1).max(initial=0.0), excess.max(initial=0.0))
+    gap = max(linear.norm(sums[:, 16:], axis=1).max(initial=0.0), excess.max(initial=0.0))
     return sums[:, :16], float(gap)
 
 
@@ -122,7 +123,7 @@ def _patch_moments(centers: Floats, sums: Floats) -> tuple[Floats, Floats, Float
     index = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     zeroth, first = sums[:, 0], sums[:, 1:4] / 2
     second = (zeroth[:, None, None] * identity - sums[:, 4:10][:, index]) / 3
-    mixed = np.einsum("ni,nj->nij", centers, first)
+    mixed = linear.einsum("ni,nj->nij", centers, first)
     third = (mixed + np.swapaxes(mixed, 1, 2) - sums[:, 10:16][:, index]) / 4
     return zeroth, first, second, third
 
@@ -132,7 +133,7 @@ def _directions() -> Floats:
     k = np.arange(48)
     z, turn = 1 - (2 * k + 1) / 48, k * (math.pi * (3 - math.sqrt(5))) + 0.123
     flat = np.sqrt(1 - z * z)
-    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    return np.column_stack([flat * libm.cos(turn), flat * libm.sin(turn), z])
 
 
 class Union(NamedTuple):

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import (
     Booleans,
     Floats,
@@ -71,7 +72,7 @@ class MassProperties:
         allowed = ROUNDING * float(np.abs(inertia).max())
         if float(np.abs(inertia / 2 - inertia.T / 2).max()) > allowed:
             raise InputError(f"inertia is {inertia.tolist()}: it must be symmetric; give I[i, j] equal to I[j, i]")
-        low, middle, high = (float(value) for value in np.linalg.eigvalsh(inertia))
+        low, middle, high = (float(value) for value in linear.eigh(inertia)[0])
         if low <= 0 or high > low + middle + allowed:
             raise InputError(
                 f"inertia has the principal moments {low:g}, {middle:g}, {high:g}: those of a solid are above 0 and "
@@ -92,7 +93,7 @@ class MassProperties:
 
     def __repr__(self) -> str:
         """Volume, centroid and principal moments of inertia."""
-        moments = ", ".join(f"{value:.6g}" for value in np.linalg.eigvalsh(self.inertia))
+        moments = ", ".join(f"{value:.6g}" for value in linear.eigh(self.inertia)[0])
         x, y, z = (float(value) for value in self.centroid)
         return f"MassProperties(volume={self.volume:.6g}, centroid=({x:.3g}, {y:.3g}, {z:.3g}), moments=({moments}))"
 
@@ -106,7 +107,11 @@ class MassProperties:
 
     def rotated(self, matrix: Floats) -> "MassProperties":
         """Return those of the solid rotated about the origin by a (3, 3) rotation matrix."""
-        return MassProperties(self.volume, matrix @ self.centroid, matrix @ self.inertia @ matrix.T)
+        return MassProperties(
+            self.volume,
+            linear.matmul(matrix, self.centroid),
+            linear.matmul(linear.matmul(matrix, self.inertia), matrix.T),
+        )
 
     def scaled(self, factor: float) -> "MassProperties":
         """Return those of the solid scaled about the origin."""
@@ -173,7 +178,7 @@ class Spheres(Moments):
     @cached_property
     def bounding_radius(self) -> float:
         """Largest distance of a point of the union from the origin of the frame."""
-        return float((np.linalg.norm(self.centers, axis=1) + self.radii).max())
+        return float((linear.norm(self.centers, axis=1) + self.radii).max())
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -211,7 +216,7 @@ class Spheres(Moments):
 
     def rotated(self, matrix: Floats) -> "Spheres":
         """Return the union rotated about the origin by a (3, 3) rotation matrix."""
-        return Spheres(self.centers @ matrix.T, self.radii, self.mass and self.mass.rotated(matrix))
+        return Spheres(linear.matmul(self.centers, matrix.T), self.radii, self.mass and self.mass.rotated(matrix))
 
     def scaled(self, factor: float) -> "Spheres":
         """Return the union scaled about the origin."""

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.geometry.triangles import normals_of
 
@@ -24,7 +25,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     for _ in range(subdivisions):
         vertices, faces = _split(vertices, faces)
     middles = vertices[faces].mean(axis=1)
-    return read_only(vertices), read_only(faces), float(1 - np.linalg.norm(middles, axis=1).min())
+    return read_only(vertices), read_only(faces), float(1 - linear.norm(middles, axis=1).min())
 
 
 @lru_cache(maxsize=16)
@@ -38,11 +39,13 @@ def geodesic(frequency: int) -> tuple[Floats, Integers]:
     i, j = np.nonzero(np.add.outer(np.arange(frequency + 1), np.arange(frequency + 1)) <= frequency)
     weights = np.stack([frequency - i - j, i, j], axis=1)
     angle = math.acos(1 / math.sqrt(5)) / frequency
-    points = np.einsum("pw,fwx->fpx", np.sin(weights * angle), corners[triangles]).reshape(-1, 3)
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points = linear.einsum("pw,fwx->fpx", libm.sin(weights * angle), corners[triangles]).reshape(-1, 3)
+    points /= linear.norm(points, axis=1, keepdims=True)
     # a point has the same corners and weights in all faces that share it
     code = np.where(weights > 0, triangles[:, None] * (frequency + 1) + weights, 0)
-    code = np.sort(code.reshape(-1, 3), axis=1) @ np.array([1, 13 * (frequency + 1), (13 * (frequency + 1)) ** 2])
+    code = linear.matmul(
+        np.sort(code.reshape(-1, 3), axis=1), np.array([1, 13 * (frequency + 1), (13 * (frequency + 1)) ** 2])
+    )
     _, first, index = np.unique(code, return_index=True, return_inverse=True)
     number = np.full((frequency + 2, frequency + 2), -1)
     number[i, j] = np.arange(len(i))
@@ -58,14 +61,14 @@ def _icosahedron() -> tuple[Floats, Integers]:
     golden = (1 + math.sqrt(5)) / 2
     corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
     vertices = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners], dtype=float)
-    vertices /= np.linalg.norm(vertices[0])
-    gram = vertices @ vertices.T
+    vertices /= linear.norm(vertices[0])
+    gram = linear.matmul(vertices, vertices.T)
     near = gram > 0.4  # neighbours on the icosahedron have cosine 1 / sqrt(5)
     faces = np.array(
         [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
     )
     triangles = vertices[faces]
-    inward = np.einsum("fi,fi->f", normals_of(triangles), triangles[:, 0]) < 0
+    inward = linear.einsum("fi,fi->f", normals_of(triangles), triangles[:, 0]) < 0
     faces[inward] = faces[inward][:, ::-1]
     return vertices, faces
 
@@ -75,7 +78,7 @@ def sphere_points(count: int) -> Floats:
     k = np.arange(count) + 0.5
     z, angle = 1 - 2 * k / count, np.pi * (1 + np.sqrt(5)) * k
     flat = np.sqrt(1 - z * z)
-    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+    return np.column_stack([flat * libm.cos(angle), flat * libm.sin(angle), z])
 
 
 def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
@@ -83,7 +86,7 @@ def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     unique, inverse = np.unique(edges, axis=0, return_inverse=True)
     middles = vertices[unique].sum(axis=1)
-    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    middles /= linear.norm(middles, axis=1, keepdims=True)
     ab, bc, ca = (inverse.reshape(3, -1) + len(vertices)).astype(np.int64)
     a, b, c = faces.T
     new = np.concatenate([np.stack(t, axis=1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])

@@ -7,6 +7,7 @@ so that no edge of a regular body lies in their direction, and the caller decide
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.geometry.rotation import normalized, rotation_matrices
@@ -30,13 +31,13 @@ def open3d_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, size = (low + high) / 2, float((high - low).max())
     scene = open3d.t.geometry.RaycastingScene()
-    body = ((vertices - middle) / size @ turn).astype(np.float32)
+    body = linear.matmul((vertices - middle) / size, turn).astype(np.float32)
     scene.add_triangles(open3d.core.Tensor(body), open3d.core.Tensor(faces.astype(np.uint32)))
     x, y, z = ((grid.centers(axis) - middle[axis]) / size for axis in range(3))
     bits = PackedMask.empty(grid.shape)
     thick = max(1, POINTS // (grid.shape[1] * grid.shape[2]))
     for begin in range(0, grid.shape[0], thick):
-        slab = np.stack(np.meshgrid(x[begin : begin + thick], y, z, indexing="ij"), axis=-1) @ turn
+        slab = linear.matmul(np.stack(np.meshgrid(x[begin : begin + thick], y, z, indexing="ij"), axis=-1), turn)
         votes = scene.compute_occupancy(open3d.core.Tensor(slab.astype(np.float32)), nsamples=RAYS)
         bits.words[begin : begin + thick] = PackedMask.from_mask(votes.numpy() > 0.5).words
     return bits

@@ -13,6 +13,7 @@ import itertools
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.lattice.grid import Grid
@@ -266,8 +267,8 @@ def meets_cubes(middles: Floats, stretch: Floats, curve: Floats, ends: Floats, k
     Arguments are as for :func:`voxgran.voxels.round_shares.round_shares`.
     """
     if kind in ("sphere", "ellipsoid"):
-        return _nearest_square(middles @ stretch.T, stretch) <= (1.0 + CLOSED) ** 2
-    corners = (middles[:, None] + _CORNERS) @ stretch.T
+        return _nearest_square(linear.matmul(middles, stretch.T), stretch) <= (1.0 + CLOSED) ** 2
+    corners = linear.matmul(middles[:, None] + _CORNERS, stretch.T)
     top = ends[1] if kind == "cylinder" else ends[1] - 1e-9 * (ends[1] - ends[0])
     points = _between(corners, ends[0] - CLOSED, top + (CLOSED if kind == "cylinder" else 0.0))
     flat, radius = points[:, :, :2], np.sqrt(curve[0])
@@ -281,10 +282,10 @@ def _nearest_square(middle: Floats, edges: Floats) -> Floats:
     best = np.full(len(middle), np.inf)
     for fixed in itertools.product((None, -0.5, 0.5), repeat=3):
         free = [axis for axis in range(3) if fixed[axis] is None]
-        start = middle + edges @ np.array([0.0 if value is None else value for value in fixed])
-        place = -np.linalg.lstsq(edges[:, free], start.T, rcond=None)[0].T if free else np.zeros((len(middle), 0))
+        start = middle + linear.matmul(edges, np.array([0.0 if value is None else value for value in fixed]))
+        place = -linear.matmul(start, linear.pseudoinverse(edges[:, free]).T) if free else np.zeros((len(middle), 0))
         valid = (np.abs(place) <= 0.5 + 1e-12).all(axis=1)
-        square = ((start + place @ edges[:, free].T) ** 2).sum(axis=1)
+        square = ((start + linear.matmul(place, edges[:, free].T)) ** 2).sum(axis=1)
         best = np.where(valid, np.minimum(best, square), best)
     return best
 
@@ -310,7 +311,7 @@ def _hull_distance(points: Floats) -> Floats:
     share = np.clip(-(a * along).sum(axis=2) / np.where(length > 0, length, 1.0), 0.0, 1.0)
     nearest = np.sqrt(((a + share[:, :, None] * along) ** 2).sum(axis=2))
     # the origin lies inside where no angle between neighbours is half a turn or more
-    angle = np.sort(np.arctan2(points[:, :, 1], points[:, :, 0]), axis=1)
+    angle = np.sort(libm.arctan2(points[:, :, 1], points[:, :, 0]), axis=1)
     gap = np.diff(np.concatenate([angle, angle[:, :1] + 2 * np.pi], axis=1), axis=1)
     count = np.isfinite(angle).sum(axis=1)
     wrap = angle[:, 0] + 2 * np.pi - np.take_along_axis(angle, np.maximum(count - 1, 0)[:, None], axis=1)[:, 0]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm
 from voxgran._base.arrays import (
     Booleans,
     Floats,
@@ -320,7 +321,7 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
     size = as_length(voxel_size, "voxel_size")
     low, high = _bounds(shape)
     extents = np.maximum((high - low)[: shape.dimension] / size, 1.0) + 2.0 * (margin - 1)
-    if not float(np.log2(extents).sum()) < np.log2(MOST_VOXELS):
+    if not float(libm.log2(extents).sum()) < libm.log2(MOST_VOXELS):
         raise TooLargeError(
             f"voxel_size is {size}: {shape.name!r} would take more than {MOST_VOXELS} voxels; make them larger"
         )

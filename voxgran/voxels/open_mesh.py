@@ -10,6 +10,7 @@ the fan is closed and has whole winding numbers by columns, and those of the fan
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError, warn
@@ -93,7 +94,7 @@ def voxelize_mesh(
     if grid is None:
         size = as_length(voxel_size, "voxel_size") if voxel_size is not None else 1.0
         low, high = corners.min(axis=0), corners.max(axis=0)
-        if not float(np.log2(np.maximum((high - low) / size, 1.0)).sum()) < np.log2(MOST_VOXELS):
+        if not float(libm.log2(np.maximum((high - low) / size, 1.0)).sum()) < libm.log2(MOST_VOXELS):
             raise TooLargeError(
                 f"voxel_size is {size}: there would be more than {MOST_VOXELS} voxels; make them larger"
             )

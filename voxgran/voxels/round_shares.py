@@ -8,6 +8,7 @@ Gauss's rule over an angle, which takes away the roots at the ends.
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 
@@ -26,11 +27,11 @@ def round_shares(middles: Floats, stretch: Floats, curve: Floats, ends: Floats) 
     """
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     angle = np.pi / 2 * (nodes + 1)
-    place, weight = (1 - np.cos(angle)) / 2, np.pi / 4 * weights * np.sin(angle)
+    place, weight = (1 - libm.cos(angle)) / 2, np.pi / 4 * weights * libm.sin(angle)
     share = np.zeros(len(middles))
-    corner = np.ascontiguousarray(middles @ stretch.T)
+    corner = np.ascontiguousarray(linear.matmul(middles, stretch.T))
     _integrate(corner, np.ascontiguousarray(stretch), curve, ends, place, weight, share)
-    return np.clip(share / np.linalg.det(stretch), 0.0, 1.0)
+    return np.clip(share / linear.determinant(stretch), 0.0, 1.0)
 
 
 def disk_shares(middles: Floats, radius: float) -> Floats:

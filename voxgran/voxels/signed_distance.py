@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -20,6 +20,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.morphology import dilation
+from voxgran.lattice.smoothing import smoothed
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import lattice_of, voxel_shares
 from voxgran.voxels.scanline import scanline_inside
@@ -173,10 +174,9 @@ def distance_from_shares(share: "ArrayLike", *, band: float = 3.0) -> Floats:
 
 def _slopes(part: Floats) -> Floats:
     """Return unit normals, (nx, ny, nz, 3), from inside to outside: the slope of the smoothed shares."""
-    ndimage = load("scipy.ndimage")
     orders = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    slope = -np.stack([ndimage.gaussian_filter(part, 1.0, order=order, mode="nearest") for order in orders], axis=-1)
-    length = np.linalg.norm(slope, axis=-1, keepdims=True)
+    slope = -np.stack([smoothed(part, 1.0, order, mode="nearest") for order in orders], axis=-1)
+    length = linear.norm(slope, axis=-1, keepdims=True)
     return np.asarray(np.where(length > 0, slope / np.where(length > 0, length, 1.0), np.array([0.0, 0.0, 1.0])))
 
 
@@ -196,8 +196,8 @@ def _cut_off(level: Floats, m: Floats) -> Floats:
     """Return the part of the unit cube where m . x is below a level, m > 0: inclusion and exclusion of corners."""
     total = np.zeros(len(m))
     for corner in np.ndindex(2, 2, 2):
-        rest = np.maximum(level - m @ np.array(corner, dtype=np.float64), 0.0)
-        total += (-1) ** sum(corner) * rest**3
+        rest = np.maximum(level - linear.matmul(m, np.array(corner, dtype=np.float64)), 0.0)
+        total += (-1) ** sum(corner) * libm.power(rest, 3)
     return np.asarray(total / (6 * m.prod(axis=1)))
 
 

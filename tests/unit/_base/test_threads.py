@@ -7,7 +7,7 @@ import pytest
 from kit import slow
 
 import voxgran as vg
-from voxgran._base.compiling.threads import in_blocks, one_blas_thread, thread_count, using_threads
+from voxgran._base.compiling.threads import in_blocks, thread_count, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.machine import processor_count
@@ -162,15 +162,3 @@ def test_numbers_of_threads_that_are_refused(threads):
         vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 3)), "rsa", count=3, threads=threads)
     with pytest.raises(InputError, match="threads"):
         vg.settle(loose(), gravity="-z", threads=threads)
-
-
-def test_products_of_matrices_are_made_by_one_thread_meanwhile():
-    threadpool = pytest.importorskip("threadpoolctl")
-
-    def counts():
-        return {entry["num_threads"] for entry in threadpool.threadpool_info() if entry["user_api"] == "blas"}
-
-    with threadpool.threadpool_limits(2, user_api="blas"):
-        with one_blas_thread():
-            assert counts() == {1}
-        assert counts() == {2}

@@ -229,14 +229,3 @@ def test_the_rose_of_isotropic_directions_scatters_as_it_says(dimension):
     assert found.error[0] == pytest.approx(
         len(score) * math.sqrt(found.density[0] * share * (1 - found.density[0] * share) / 20_000)
     )
-
-
-def test_threads_of_blas_change_no_bit():
-    way, limits = isotropic(50_003, 3), pytest.importorskip("threadpoolctl").threadpool_limits
-    turns = stream(3, "places").random(way.shape)
-    found = []
-    for threads in (1, 2):
-        with limits(threads, user_api="blas"):
-            fabric = fabric_of(way, dimension=3, turns=turns)
-        found.append([fabric.second_order.error, fabric.fourth_order.error, fabric.fourth_order.unbiased])
-    assert found[0] == found[1]

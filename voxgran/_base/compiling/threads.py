@@ -7,16 +7,15 @@ between them passes a number on. Without a team, as in packing methods, one thre
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from voxgran._base.arrays import as_count
 from voxgran._base.kernels import Kernel
-from voxgran._base.lazy import load
 from voxgran._base.machine import processor_count
 
 Result = TypeVar("Result")
@@ -100,20 +99,6 @@ def at_once(jobs: Sequence[Callable[[], Result]]) -> list[Result]:
     if team is None or len(jobs) <= 1:
         return [job() for job in jobs]
     return team.run(jobs)
-
-
-def one_blas_thread() -> AbstractContextManager[Any]:
-    """Return a context in which products of matrices are made by one thread."""
-    limited: AbstractContextManager[Any] = _blas().limit(limits=1, user_api="blas")
-    return limited
-
-
-@cache
-def _blas() -> Any:
-    """Return what limits the threads of BLAS: looking for its libraries takes longer than a small product."""
-    # it has a BLAS of its own, which is found only once it is loaded
-    load("scipy.linalg")
-    return load("threadpoolctl").ThreadpoolController()
 
 
 def _most_threads() -> int:

@@ -14,6 +14,7 @@ Matsushima & Saomoto 2003
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
@@ -105,7 +106,7 @@ def _places(body: Body, count: int, least: float, seed: int) -> tuple[Floats, Fl
 
 def _hidden(centers: Floats, radii: Floats) -> Integers:
     """Return the spheres that lie within another; of two that are equal, the second."""
-    apart = np.linalg.norm(centers[:, None] - centers, axis=2)
+    apart = linear.norm(centers[:, None] - centers, axis=2)
     within = apart + radii[:, None] <= radii
     np.fill_diagonal(within, False)
     return np.flatnonzero((within & ~np.triu(within & within.T)).any(axis=1))
@@ -115,7 +116,7 @@ def _forces(points: Floats, centers: Floats, radii: Floats) -> tuple[Floats, Flo
     """Return the accelerations of centers (n, 3) and radii (n,) by the points nearest to each sphere."""
     gap, owner = union_gaps(points, centers, radii)
     away = points - centers[owner]
-    away *= (gap / np.maximum(np.linalg.norm(away, axis=1), 1e-300))[:, None]
+    away *= (gap / np.maximum(linear.norm(away, axis=1), 1e-300))[:, None]
     mass = np.maximum(np.bincount(owner, minlength=len(radii)), 1)
     pull = np.column_stack([np.bincount(owner, away[:, axis], len(radii)) for axis in range(3)])
     return pull / mass[:, None], np.bincount(owner, gap, len(radii)) / mass

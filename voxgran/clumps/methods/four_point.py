@@ -13,6 +13,7 @@ Price, Murariu & Morrison 2007, Sphere clump generation and trajectory compariso
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
@@ -101,10 +102,10 @@ def _through_four(points: Floats, trials: int, seed: int) -> SphereSet:
         other[some] = np.take_along_axis(near, generator.integers(1, number, size=(len(near), 3)), axis=1)
     base = points[first]
     edges = points[other] - base[:, None]
-    volume = np.linalg.det(edges)
+    volume = linear.determinant(edges)
     good = np.abs(volume) > 1e-9
-    offset = np.linalg.solve(2.0 * edges[good], (edges[good] ** 2).sum(axis=2)[:, :, None])[:, :, 0]
-    radii = np.linalg.norm(offset, axis=1)
+    offset = linear.solve(2.0 * edges[good], (edges[good] ** 2).sum(axis=2)[:, :, None])[:, :, 0]
+    radii = linear.norm(offset, axis=1)
     small = radii < MOST
     return SphereSet(base[good][small] + offset[small], radii[small])
 

@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
@@ -115,5 +116,5 @@ def _chosen(feet: Floats, centers: Floats, radii: Floats, good: Booleans, far: f
         k += int(left[0])
         chosen.append(k)
         gap[k] = -np.inf
-        np.minimum(gap, np.linalg.norm(feet - centers[k], axis=1) - radii[k], out=gap)
+        np.minimum(gap, linear.norm(feet - centers[k], axis=1) - radii[k], out=gap)
     return np.array(chosen, dtype=np.int64)

@@ -17,6 +17,7 @@ Inscribed spheres from a distance transform, chosen by radius instead: Angelidak
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.kernels import kernel
@@ -109,7 +110,7 @@ def _refined(body: Body, centers: Floats, radii: Floats, voxel: float) -> tuple[
         slope = np.column_stack(
             [body.depth(centers + side) - body.depth(centers - side) for side in length * np.eye(3)]
         )
-        slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-300)
+        slope /= np.maximum(linear.norm(slope, axis=1, keepdims=True), 1e-300)
         moved = centers + length * slope
         depth = body.depth(moved)
         better = depth > radii
@@ -119,7 +120,7 @@ def _refined(body: Body, centers: Floats, radii: Floats, voxel: float) -> tuple[
 
 def _maximal(room: Floats) -> Booleans:
     """Return the mask of the voxels whose sphere lies in no neighbour's sphere; 0 lies around the image."""
-    apart = np.linalg.norm(np.indices((3, 3, 3)) - 1.0, axis=0)
+    apart = linear.norm(np.indices((3, 3, 3)) - 1.0, axis=0)
     apart[1, 1, 1] = np.inf
     reached = load("scipy.ndimage").grey_dilation(room, structure=-apart, mode="constant")
     return np.asarray((room > 0.0) & (reached < room - SLACK))

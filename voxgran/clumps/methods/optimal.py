@@ -21,6 +21,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -313,7 +314,7 @@ def _greedy(body: Body, count: int, least: float, most: float) -> Fitted:
         if radius < least:
             return Fitted(centers, radii, f"no further sphere of radius {least:g} equivalent diameters fits in between")
         centers, radii = np.vstack([centers, center]), np.append(radii, radius)
-        room = np.minimum(room, np.linalg.norm(places - center, axis=1) - radius)
+        room = np.minimum(room, linear.norm(places - center, axis=1) - radius)
     return Fitted(centers, radii)
 
 
@@ -328,9 +329,9 @@ def _widest(
     step = 1.0 / FINENESS
     if room >= most and len(radii):
         # slide to the nearest sphere
-        nearest = int((np.linalg.norm(centers - place, axis=1) - radii).argmin())
+        nearest = int((linear.norm(centers - place, axis=1) - radii).argmin())
         way = place - centers[nearest]
-        moved = centers[nearest] + way * (radii[nearest] + most) / np.linalg.norm(way)
+        moved = centers[nearest] + way * (radii[nearest] + most) / linear.norm(way)
         free = room_at(moved[None])[0] >= most - ACCURACY
         return (moved, most - ACCURACY) if free else (place, most)
     while step > ACCURACY and room < most:
@@ -361,9 +362,9 @@ def _equal(body: Body, count: int, least: float, most: float) -> Fitted:
             high = radius
     while len(best) > count:
         # the sphere with the fewest contacts, and of these the one farthest out
-        apart = np.linalg.norm(best[:, None] - best, axis=2)
+        apart = linear.norm(best[:, None] - best, axis=2)
         contacts = (apart < 2.0 * low * (1 + 1e-9)).sum(axis=1)
-        best = np.delete(best, np.lexsort((-np.linalg.norm(best, axis=1), contacts))[0], axis=0)
+        best = np.delete(best, np.lexsort((-linear.norm(best, axis=1), contacts))[0], axis=0)
     return Fitted(best, np.full(len(best), low))
 
 

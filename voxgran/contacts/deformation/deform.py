@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
@@ -218,10 +218,10 @@ def _soft_grain(packing: Assembly, grain: int, partners: list[Partner]) -> SoftG
     place = packing.position[grain]
     return SoftGrain(
         grain,
-        shape.vertices @ matrix.T,
+        linear.matmul(shape.vertices, matrix.T),
         shape.faces,
         placed(inner_distance(shape.geometry), matrix=matrix, offset=np.zeros(3)),
-        lambda points: onto_surface(shape.geometry, points @ back) @ matrix.T,
+        lambda points: linear.matmul(onto_surface(shape.geometry, linear.matmul(points, back)), matrix.T),
         float(packing.diameters[grain]),
         tuple(partner for partner in partners if partner.contact >= 0),
         tuple(partners),
@@ -257,8 +257,10 @@ def _loads(
             k, corners = patch.contact, body.faces[patch.faces]
             middle, areas = body.vertices[corners].mean(axis=1), normals_of(body.vertices[corners]) / 2
             depth = soft.inner(middle) + partner.depth(middle)
-            area[k] += np.linalg.norm(areas, axis=1).sum() / 2
-            force[k] += partner.side * (depth @ areas) / (2 * (softness[contacts.i[k]] + softness[contacts.j[k]]))
+            area[k] += linear.norm(areas, axis=1).sum() / 2
+            force[k] += (
+                partner.side * linear.matmul(depth, areas) / (2 * (softness[contacts.i[k]] + softness[contacts.j[k]]))
+            )
     return area, force
 
 
@@ -270,14 +272,14 @@ def _deformed(
     vertices = [packing.world_vertices(grain) for grain in range(packing.count)]
     faces = [shapes[k].faces for k in packing.shape_id.tolist()]
     own = np.array([enclosed_volume(shape.vertices, shape.faces) for shape in shapes])
-    before = own[packing.shape_id] * packing.scale**3
+    before = own[packing.shape_id] * libm.power(packing.scale, 3)
     after, steepness, reach = before.copy(), np.zeros(packing.count), np.zeros(packing.count)
     for grain, (_, body) in bodies.items():
         vertices[grain], faces[grain] = body.vertices + packing.position[grain], body.faces
         before[grain], after[grain] = body.before, body.after
         steepness[grain], reach[grain] = body.steepness, body.reach
     area, force = _loads(contacts, softness, bodies)
-    total = np.linalg.norm(force, axis=1)
+    total = linear.norm(force, axis=1)
     return Deformed(
         vertices=tuple(vertices),
         faces=tuple(faces),

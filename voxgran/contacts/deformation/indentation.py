@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -105,7 +106,7 @@ def _patches(grain: SoftGrain, surface: FineSurface, dented: Floats) -> tuple[Pa
     patches = []
     for k, partner in enumerate(grain.touching):
         areas = normals_of(surface.vertices[surface.faces[_within(surface, k)]]) / 2
-        radius = float(np.sqrt(np.linalg.norm(areas, axis=1).sum() / np.pi))
+        radius = float(np.sqrt(linear.norm(areas, axis=1).sum() / np.pi))
         patches.append(Patch(partner.contact, common[owner == k], radius))
     return tuple(patches)
 
@@ -152,9 +153,9 @@ def _directions(grain: SoftGrain, surface: FineSurface) -> Floats:
         region = components(count, corners.ravel(), np.roll(corners, 1, axis=1).ravel())
         area = np.zeros((count, 3))
         np.add.at(area, region[corners[:, 0]], normals_of(surface.vertices[corners]) / 2)
-        normal = area[region] / np.maximum(np.linalg.norm(area[region], axis=1, keepdims=True), 1e-300)
+        normal = area[region] / np.maximum(linear.norm(area[region], axis=1, keepdims=True), 1e-300)
         total += np.maximum(surface.excess[:, k], 0.0)[:, None] * normal
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    return total / np.maximum(linear.norm(total, axis=1, keepdims=True), 1e-300)
 
 
 def _even(normals: Floats, faces: Integers, spacing: float) -> Floats:
@@ -164,7 +165,7 @@ def _even(normals: Floats, faces: Integers, spacing: float) -> Floats:
     joined = sparse.csr_matrix((np.ones(len(ends)), ends.T), shape=(len(normals),) * 2)
     share = 1 / np.asarray(joined.sum(axis=1))
     for _ in range(int(np.ceil((EVENED / spacing) ** 2))):
-        normals = share * (joined @ normals)
+        normals = share * (joined @ normals)  # bits: sparse
     return normals
 
 
@@ -187,7 +188,7 @@ def _fading(surface: FineSurface, patches: tuple[Patch, ...], reach: float) -> F
 def _free_distance(grain: SoftGrain, points: Floats, reach: float) -> Floats:
     """Return a smooth bound below the distance of points from other grains and walls that are within reach."""
     told = [grain.room(points)]
-    close = [np.linalg.norm(points - other.center, axis=1).min() < other.radius + reach for other in grain.near]
+    close = [linear.norm(points - other.center, axis=1).min() < other.radius + reach for other in grain.near]
     told += [-other.inner(points) for other, is_close in zip(grain.near, close, strict=True) if is_close]
     with np.errstate(divide="ignore"):
         return np.asarray(1 / sum(1 / np.maximum(distance, 0.0) for distance in told))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
@@ -52,7 +53,7 @@ class Partner:
 
     def depth(self, points: Floats) -> Floats:
         """Return how deep (n, 3) points lie in it; below 0 outside, where far away only a bound."""
-        told = self.radius - np.linalg.norm(points - self.center, axis=1)
+        told = self.radius - linear.norm(points - self.center, axis=1)
         near = told > 0
         told[near] = self.inner(points[near])
         return told
@@ -140,7 +141,7 @@ def _too_long(
     Limits change along a way by less than lengths do, so that no part of an edge is too long where the edge is not.
     """
     middle = vertices[ends].mean(axis=1)
-    length = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
+    length = linear.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
     long = np.zeros(len(ends), dtype=np.bool_)
     for k, partner in enumerate(grain.touching):
         inside = excess[:, k] > 0
@@ -148,16 +149,16 @@ def _too_long(
             wanted = spacing * _patch_radius(vertices, faces, inside)
             patch = vertices[inside]
             center = patch.mean(axis=0)
-            around = np.linalg.norm(patch - center, axis=1).max()
-            nearest = np.linalg.norm(middle - center, axis=1) - around
+            around = linear.norm(patch - center, axis=1).max()
+            nearest = linear.norm(middle - center, axis=1) - around
             rest = np.flatnonzero((length > np.maximum(wanted, GRADING * nearest)) & ~long)
             away, _ = load("scipy.spatial").cKDTree(patch).query(middle[rest])
             long[rest[length[rest] > GRADING * away]] = True
         else:
-            holds = np.linalg.norm(middle - partner.deepest, axis=1) < length
+            holds = linear.norm(middle - partner.deepest, axis=1) < length
             long |= holds & (length > SMALLEST * grain.diameter)
         if not partner.single:
-            around = np.linalg.norm(middle - partner.center, axis=1) - partner.radius < length / 2
+            around = linear.norm(middle - partner.center, axis=1) - partner.radius < length / 2
             rest = np.flatnonzero(around & (length > SEARCHED * grain.diameter) & ~long)
             long[rest[partner.inner(middle[rest]) > -length[rest] / 2]] = True
     return long

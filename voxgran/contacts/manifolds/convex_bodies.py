@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.manifolds.blocks import Blocks
@@ -219,7 +220,7 @@ def _body(geometry: Geometry, row: Floats, faces: bool) -> tuple[int, _Hull, Flo
         if geometry.kind == "sphere":
             return SPHERES, _bare(np.zeros((1, 3))), np.array(d), d[0]
         if geometry.kind == "box":
-            hull = _hull_of((unit_box()[0] * np.array(d)) @ geometry.matrix.T, faces)
+            hull = _hull_of(linear.matmul(unit_box()[0] * np.array(d), geometry.matrix.T), faces)
             return HULL, hull, np.zeros(len(hull.corners)), min(d) / 2
         if geometry.kind == "spherocylinder":
             half = d[1] / 2 * geometry.matrix[:, 2]
@@ -269,7 +270,7 @@ def _groups_of(normals: Floats, neighbors: Any) -> Integers:
     count = len(normals)
     one = np.repeat(np.arange(count), neighbors.shape[1])
     other = np.asarray(neighbors, dtype=np.int64).ravel()
-    flat = np.einsum("ki,ki->k", normals[one], normals[other]) > 1 - COPLANAR
+    flat = linear.einsum("ki,ki->k", normals[one], normals[other]) > 1 - COPLANAR
     graph = load("scipy.sparse").coo_matrix((np.ones(int(flat.sum())), (one[flat], other[flat])), shape=(count, count))
     return load("scipy.sparse.csgraph").connected_components(graph, directed=False)[1]
 
@@ -281,7 +282,7 @@ def _faces_of(
     sides = np.cross(
         corners[triangles[:, 1]] - corners[triangles[:, 0]], corners[triangles[:, 2]] - corners[triangles[:, 0]]
     )
-    areas = np.linalg.norm(sides, axis=1) / 2
+    areas = linear.norm(sides, axis=1) / 2
     least = LEAST_FACE * areas.sum()
     faces, rings = [], []
     order = np.argsort(group, kind="stable")
@@ -290,15 +291,12 @@ def _faces_of(
         if (np.ptp(corners[some], axis=0) ** 2).sum() < least:
             continue
         normal = normals[members[np.argmax(areas[members])]]
-        across = np.linalg.svd(normal[None])[2][1:]
-        if np.dot(np.cross(across[0], across[1]), normal) < 0:
-            across = across[::-1]
-        flat = corners[some] @ across.T
+        flat = linear.matmul(corners[some], linear.across(normal).T)
         # the ring of a face is convex also where rounding left a corner inside it
         ring = some[load("scipy.spatial").ConvexHull(flat).vertices]
         if len(ring) > MOST_CORNERS // 2:
             ring = ring[np.linspace(0, len(ring), MOST_CORNERS // 2, endpoint=False).astype(int)]
-        faces.append(np.array([*normal, (corners @ normal).max()]))
+        faces.append(np.array([*normal, linear.matmul(corners, normal).max()]))
         rings.append(ring.tolist())
     return faces, rings
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -144,18 +145,18 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
     as much.
     """
     normal = normals_of(vertices[faces])
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = normal / np.maximum(linear.norm(normal, axis=1), 1e-300)[:, None]
     ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     face = np.tile(np.arange(len(faces)), 3)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     ends, face = ends[order], face[order]
     twin = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
     cosine = (normal[face[twin]] * normal[face[twin + 1]]).sum(axis=1)
-    long = np.linalg.norm(vertices[ends[twin, 0]] - vertices[ends[twin, 1]], axis=1) > spacing
+    long = linear.norm(vertices[ends[twin, 0]] - vertices[ends[twin, 1]], axis=1) > spacing
     # long edges of round sides, such as those of a cone, may cross each other far from all corners
     parts = [vertices]
     for a, b in ends[twin[(cosine < SHARP) | (long & (cosine < BENT))]]:
-        inner = int(np.linalg.norm(vertices[a] - vertices[b]) / spacing)
+        inner = int(linear.norm(vertices[a] - vertices[b]) / spacing)
         if inner:
             share = (np.arange(1, inner + 1) / (inner + 1))[:, None]
             parts.append(vertices[a] * (1 - share) + vertices[b] * share)
@@ -171,7 +172,7 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
 def _thinned(points: Floats, edge: float) -> Floats:
     """Return the outermost of the points in each cube of a given edge."""
     cube = np.floor(points / edge).astype(np.int64)
-    order = np.lexsort((-np.linalg.norm(points, axis=1), *cube.T))
+    order = np.lexsort((-linear.norm(points, axis=1), *cube.T))
     cube = cube[order]
     new = np.concatenate([[True], (cube[1:] != cube[:-1]).any(axis=1)])
     return np.asarray(points[order[new]])
@@ -179,13 +180,13 @@ def _thinned(points: Floats, edge: float) -> Floats:
 
 def _points_in_faces(triangles: Floats, spacing: float) -> Floats:
     """Return points in triangles (m, 3, 3) that are longer than a spacing, thinned to it."""
-    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    longest = linear.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     parts = [np.zeros((0, 3))]
     for corners, length in zip(triangles[longest > spacing], longest[longest > spacing], strict=True):
         many = math.ceil(3 * length / spacing)
         i, j = (part.ravel() for part in np.meshgrid(np.arange(1, many), np.arange(1, many), indexing="ij"))
         i, j = i[i + j < many], j[i + j < many]
-        parts.append(np.column_stack([i, j, many - i - j]) / many @ corners)
+        parts.append(linear.matmul(np.column_stack([i, j, many - i - j]) / many, corners))
     points = np.concatenate(parts)
     return _thinned(points, 0.8 * spacing) if len(points) else points
 
@@ -221,7 +222,7 @@ def _cubes(points: Floats, some: Integers, edge: float) -> list[Integers]:
 def _sphere_around(points: Floats, skins: Floats) -> list[float]:
     """Return center and radius of a sphere around points with skins."""
     center = (points.min(axis=0) + points.max(axis=0)) / 2
-    return [*center.tolist(), float((np.linalg.norm(points - center, axis=1) + skins).max())]
+    return [*center.tolist(), float((linear.norm(points - center, axis=1) + skins).max())]
 
 
 def _grid_of(shape: Shape, cells: int) -> tuple[NDArray[np.float32], Floats]:
@@ -270,7 +271,7 @@ def _spheres_around(corners: Floats, low: Floats, high: Floats, skins: Floats, r
     box = np.repeat(np.arange(len(rows)), rows[:, 1] - rows[:, 0])
     begin = np.concatenate([[0], np.cumsum(rows[:, 1] - rows[:, 0])])
     triangle = np.arange(begin[-1]) - begin[box] + rows[box, 0]
-    far = np.linalg.norm(corners[triangle] - center[box, None], axis=2).max(axis=1) + skins[triangle]
+    far = linear.norm(corners[triangle] - center[box, None], axis=2).max(axis=1) + skins[triangle]
     return np.column_stack([center, np.maximum.reduceat(far, begin[:-1])])
 
 
@@ -286,8 +287,10 @@ def _fans(vertices: Floats, faces: Integers, order: Integers) -> tuple[Floats, I
     """Return the unit vectors along the edges that leave each vertex, and their rows for each corner of a triangle."""
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     # numbers are sorted in a tenth of the time of rows
-    ends = np.column_stack(divmod(np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [len(vertices), 1]), len(vertices)))
+    ends = np.column_stack(
+        divmod(np.unique(linear.matmul(np.concatenate([ends, ends[:, ::-1]]), [len(vertices), 1])), len(vertices))
+    )
     along = vertices[ends[:, 1]] - vertices[ends[:, 0]]
-    along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    along = along / np.maximum(linear.norm(along, axis=1), 1e-300)[:, None]
     edge = np.searchsorted(ends[:, 0], np.arange(len(vertices) + 1))
     return along, np.stack([edge[faces[order]], edge[faces[order] + 1]], axis=-1)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.manifolds.rows import Grains, PairList
@@ -37,7 +38,7 @@ def renewed(
     if fixed is not None:
         kept = ~(fixed[i] & fixed[j])
         i, j, image = i[kept], j[kept], image[kept]
-    made = _blank(i, j, np.ascontiguousarray(image @ periods), known=len(i) if known else 0)
+    made = _blank(i, j, np.ascontiguousarray(linear.matmul(image, periods)), known=len(i) if known else 0)
     _hand_on(pairs, made, grains.way)
     grains.way[:] = 0.0
     return made

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -177,15 +178,15 @@ def _of_primitive(solid: Primitive, *, in_mesh: bool) -> Floats:
         # along the normals of the walls at these points, outside of it, are the support points in a closed mesh
         vertices, _, error = sphere(SUBDIVISIONS)
         points = vertices / (1 - error) * np.array(d) if in_mesh else np.zeros((0, 3))
-        return np.asarray(points @ solid.matrix.T)
+        return np.asarray(linear.matmul(points, solid.matrix.T))
     angle = 2 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
-    rim = np.column_stack([d[0] * np.cos(angle), d[0] * np.sin(angle), np.zeros(RIM_POINTS)])
+    rim = np.column_stack([d[0] * libm.cos(angle), d[0] * libm.sin(angle), np.zeros(RIM_POINTS)])
     if solid.kind == "cylinder":
         middle = np.array([0.0, 0.0, d[1] / 2])
         points = np.concatenate([rim - middle, rim + middle])
     else:
         points = np.concatenate([rim - [0.0, 0.0, d[1] / 4], [[0.0, 0.0, 0.75 * d[1]]]])
-    return np.asarray(points @ solid.matrix.T)
+    return np.asarray(linear.matmul(points, solid.matrix.T))
 
 
 def _hull_corners(vertices: Floats) -> Floats:
@@ -258,10 +259,10 @@ def reentrant_edges(mesh: Mesh) -> Floats:
     count = np.bincount(np.unique(key, return_inverse=True)[1])
     second = order[np.flatnonzero(np.diff(key[order], prepend=-1)) + np.minimum(count - 1, 1)]
     normal = normals_of(triangles)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal /= np.maximum(linear.norm(normal, axis=1, keepdims=True), 1e-300)
     one, other = first // 3, second // 3
     start, stop = mesh.vertices[ends[first, 0]], mesh.vertices[ends[first, 1]]
     apex = triangles[other, (second % 3 + 2) % 3]
-    rise = np.einsum("ei,ei->e", apex - start, normal[one])
-    chosen = (rise > REENTRANT * np.linalg.norm(stop - start, axis=1)) | (count != 2)
+    rise = linear.einsum("ei,ei->e", apex - start, normal[one])
+    chosen = (rise > REENTRANT * linear.norm(stop - start, axis=1)) | (count != 2)
     return np.asarray(np.stack([start, stop, stop], axis=1)[chosen])

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.solid import Solid
@@ -34,7 +35,7 @@ def shared_by_neighbours(
     """
     if one.inside_out or other.inside_out:
         return None
-    mine, theirs = one.mesh.vertices, other.mesh.vertices @ matrix.T + offset
+    mine, theirs = one.mesh.vertices, linear.matmul(other.mesh.vertices, matrix.T) + offset
     low = np.maximum(mine.min(axis=0), theirs.min(axis=0)) - margin
     high = np.minimum(mine.max(axis=0), theirs.max(axis=0)) + margin
     here, there = (np.flatnonzero(_side(at, low, high) == 0) for at in (mine, theirs))
@@ -63,7 +64,7 @@ def shared_by_neighbours(
         *(_one_a_patch(f, both) for f in (faces[near], partners)),
     )
     outside = one.tree.signed_distance(points[partners].mean(axis=1)) > 0
-    outside_too = other.tree.signed_distance((points[faces].mean(axis=1) - offset) @ back.T) > 0
+    outside_too = other.tree.signed_distance(linear.matmul(points[faces].mean(axis=1) - offset, back.T)) > 0
     return common if outside.all() and outside_too.all() else None
 
 
@@ -71,8 +72,8 @@ def middle_of_shared(one: Solid, shared: NDArray[np.int64]) -> tuple[Floats, Flo
     """Return the point of shared triangles, one at least, that is near their centroid, and the sum of their normals."""
     triangles = one.mesh.vertices[one.mesh.corners[shared]]
     middles, normals = triangles.mean(axis=1), normals_of(triangles)
-    areas = np.linalg.norm(normals, axis=1)
-    centroid = areas @ middles / max(float(areas.sum()), 1e-300)
+    areas = linear.norm(normals, axis=1)
+    centroid = linear.matmul(areas, middles) / max(float(areas.sum()), 1e-300)
     return middles[np.square(middles - centroid).sum(axis=1).argmin()], normals.sum(axis=0)
 
 

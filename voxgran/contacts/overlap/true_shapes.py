@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
@@ -220,7 +221,7 @@ def _body_of(solid: Shape, bodies: ConvexBodies, k: int, corners: int, *, walls:
     at = corners + 3 * np.arange(many)
     part = np.column_stack([np.full(many, BOX), at, at + 3, np.full(many, lo)])
     middle = tree.corners.mean(axis=1)
-    spheres = np.column_stack([middle, np.linalg.norm(tree.corners - middle[:, None], axis=2).max(axis=1)])
+    spheres = np.column_stack([middle, linear.norm(tree.corners - middle[:, None], axis=2).max(axis=1)])
     sphere, hull = _spheres_around(tree, np.zeros(many)), -1
     if not walls:
         # the hull is the part after the triangles, which is in no box
@@ -241,7 +242,7 @@ def _spheres_around(tree: TriangleTree, margins: Floats) -> Floats:
     center = (tree.low + tree.high) / 2
     found = np.zeros((len(center), 4))
     for k, (begin, end) in enumerate(tree.start.tolist()):
-        far = np.linalg.norm(tree.corners[begin:end] - center[k], axis=2).max(axis=1) + margins[begin:end]
+        far = linear.norm(tree.corners[begin:end] - center[k], axis=2).max(axis=1) + margins[begin:end]
         found[k, :3], found[k, 3] = center[k], far.max(initial=0.0)
     return found
 

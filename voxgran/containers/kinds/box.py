@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
@@ -170,7 +170,7 @@ class Block:
             return np.full(len(points), -np.inf)
         low, high = self.bounds[:, axes]
         beyond = np.maximum(low - points[:, axes], points[:, axes] - high)
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        outside = linear.norm(np.maximum(beyond, 0.0), axis=1)
         return np.where(outside > 0, outside, beyond.max(axis=1))
 
 
@@ -252,7 +252,7 @@ class Box(ExplainedAttributes, Block):
         ((8, 3), (12, 3))
         """
         vertices, faces, _ = unit_box()
-        return (vertices + 0.5) @ self.vectors + np.array(self.origin), faces
+        return linear.matmul(vertices + 0.5, self.vectors) + np.array(self.origin), faces
 
 
 registration = ContainerKind(container=Box)

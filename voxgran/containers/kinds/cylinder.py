@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
 from voxgran.containers.equipment import Parametric
@@ -85,7 +86,7 @@ class Cylinder(Parametric):
         """
         p = as_points(points) - np.array(self.origin)
         beyond = np.stack([np.hypot(p[:, 0], p[:, 1]) - self.radius, np.maximum(-p[:, 2], p[:, 2] - self.height)])
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=0)
+        outside = linear.norm(np.maximum(beyond, 0.0), axis=0)
         return np.where(outside > 0, outside, beyond.max(axis=0))
 
     def mesh(self) -> tuple[Floats, Integers]:

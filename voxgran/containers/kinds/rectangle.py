@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
@@ -90,7 +90,9 @@ class Rectangle(ExplainedAttributes, Block):
         (4, 3)
         """
         vertices = np.zeros((4, 3))
-        vertices[:, :2] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) @ self.vectors + np.array(self.origin)
+        vertices[:, :2] = linear.matmul(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), self.vectors) + np.array(
+            self.origin
+        )
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
 from voxgran.containers.equipment import Parametric
@@ -80,7 +81,7 @@ class Sphere(Parametric):
         >>> vg.Sphere(radius=2).signed_distance([(0, 0, 0), (3, 0, 0)]).tolist()
         [-2.0, 1.0]
         """
-        away: Floats = np.linalg.norm(as_points(points) - np.array(self.origin), axis=1)
+        away: Floats = linear.norm(as_points(points) - np.array(self.origin), axis=1)
         return away - self.radius
 
     def mesh(self) -> tuple[Floats, Integers]:

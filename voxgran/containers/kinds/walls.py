@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as_vector
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
@@ -122,7 +123,7 @@ def direction(value: "ArrayLike", name: str) -> tuple[float, float, float]:
     if isinstance(value, str) and value.lstrip("+-") in ("x", "y", "z"):
         value = np.eye(3)["xyz".index(value[-1])] * (-1 if value[0] == "-" else 1)
     vector = as_vector(value, name)
-    length = float(np.linalg.norm(vector))
+    length = float(linear.norm(vector))
     if not length > 0:
         raise InputError(f"{name} is {shown(value)}: it must have a length; give another vector")
     x, y, z = (vector / length).tolist()

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template
@@ -118,7 +119,9 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     for k, shape in enumerate(grains.shape_id.tolist()):
         template = bodies.templates[shape]
         turned = float(grains.scale[k]) * grains.matrices[k].T
-        placed = [_placed(points @ turned + grains.position[k], faces, flat) for points, faces in solids[shape]]
+        placed = [
+            _placed(linear.matmul(points, turned) + grains.position[k], faces, flat) for points, faces in solids[shape]
+        ]
         grain = {
             "id": k,
             "shape": template.name,
@@ -223,10 +226,10 @@ def _planar(mesh: Mesh) -> list[Integers]:
     """Return connected triangles of one plane each, which the largest of them has."""
     corners = mesh.triangles
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(normals, axis=1)
+    sizes = linear.norm(normals, axis=1)
     unit = normals / np.where(sizes > 0, sizes, 1.0)[:, None]
     allowed = FLAT * float(np.ptp(mesh.vertices, axis=0).max())
-    heights = sizes / np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    heights = sizes / linear.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
     beside: dict[tuple[int, int], int] = {}
     for face, (a, b, c) in enumerate(mesh.faces.tolist()):
         beside |= {(a, b): face, (b, c): face, (c, a): face}
@@ -235,7 +238,7 @@ def _planar(mesh: Mesh) -> list[Integers]:
     for seed in np.argsort(-sizes, kind="stable").tolist():
         if not free[seed]:
             continue
-        normal, level = unit[seed], float(corners[seed, 0] @ unit[seed])
+        normal, level = unit[seed], float(linear.matmul(corners[seed, 0], unit[seed]))
         ahead, group = [seed], []
         free[seed] = False
         while ahead:
@@ -245,8 +248,8 @@ def _planar(mesh: Mesh) -> list[Integers]:
             for edge in ((b, a), (c, b), (a, c)):
                 near = beside.get(edge, seed)
                 # the back of a thin solid is no part of this face; a triangle without height has no back
-                turned = heights[near] > allowed and unit[near] @ normal < 0
-                if free[near] and not turned and np.abs(corners[near] @ normal - level).max() <= allowed:
+                turned = heights[near] > allowed and linear.matmul(unit[near], normal) < 0
+                if free[near] and not turned and np.abs(linear.matmul(corners[near], normal) - level).max() <= allowed:
                     free[near] = False
                     ahead.append(near)
         groups.append(np.array(group, dtype=np.int64))

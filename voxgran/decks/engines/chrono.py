@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template
@@ -82,7 +83,7 @@ def _comments(simulation: Simulation, mark: str) -> list[str]:
 def _spheres(template: Template) -> Floats:
     """Return centers and radii of the spheres of a template, in its principal frame about its centroid."""
     centers, radii = template.spheres
-    return np.column_stack([centers @ template.principal.axes, radii])
+    return np.column_stack([linear.matmul(centers, template.principal.axes), radii])
 
 
 def _grains(simulation: Simulation) -> str:
@@ -206,9 +207,9 @@ def _read(folder: Path) -> Held:
     centers, radii = [], []
     for name, value, frame in zip(names, values, frames, strict=True):
         table = value[0] * templates[name]
-        centers.append(table[:, :3] @ frame.T + value[5:8])
+        centers.append(linear.matmul(table[:, :3], frame.T) + value[5:8])
         radii.append(table[:, 3])
-    inertia = np.einsum("nij,nj,nkj->nik", frames, values[:, 2:5], frames)
+    inertia = linear.einsum("nij,nj,nkj->nik", frames, values[:, 2:5], frames)
     return Held(values[:, 1], values[:, 5:8], inertia, np.concatenate(centers), np.concatenate(radii))
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import ContactLaw
@@ -130,10 +131,10 @@ def _parameters(simulation: Simulation) -> dict[str, Any]:
 
 def _steps_per_search(simulation: Simulation, tolerance: float) -> int:
     """Return the time steps after which neighbours are looked for again, so that no grain comes nearer unseen."""
-    size = float(np.linalg.norm(simulation.gravity))
+    size = float(linear.norm(simulation.gravity))
     if not size:
         return 1
-    height = float(np.abs(simulation.gravity / size) @ np.ptp(simulation.walls.bounds, axis=0))
+    height = float(linear.matmul(np.abs(simulation.gravity / size), np.ptp(simulation.walls.bounds, axis=0)))
     # two grains that have fallen through the whole container meet
     fastest = 2 * math.sqrt(2 * size * height)
     return min(max(int(tolerance / (fastest * simulation.time_step)), 1), MOST_STEPS)
@@ -226,8 +227,14 @@ def _clusters(path: Path, densities: Mapping[int, float], clusters: Mapping[int,
         cluster, turn = clusters[material[grain]], rotation_matrices(np.roll(turns[grain], 1)[None])[0]
         scale = lengths[grain] / cluster.size
         mass = densities[material[grain]] * cluster.volume * scale**3
-        inertia = turn @ np.diag(mass * scale**2 * cluster.inertia) @ turn.T
-        found[grain] = mass, center, inertia, center + scale * cluster.centers @ turn.T, scale * cluster.radii
+        inertia = linear.matmul(linear.matmul(turn, np.diag(mass * scale**2 * cluster.inertia)), turn.T)
+        found[grain] = (
+            mass,
+            center,
+            inertia,
+            center + linear.matmul(scale * cluster.centers, turn.T),
+            scale * cluster.radii,
+        )
     return found
 
 

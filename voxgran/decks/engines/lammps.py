@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Engine, Held, row_of, text_of
@@ -83,7 +84,7 @@ def _data(simulation: Simulation) -> str:
     """Return the data file: all spheres, with the grain that each belongs to as its molecule."""
     bodies, walls = simulation.bodies, simulation.walls
     centers, radii, grain = bodies.spheres
-    volume = 4 / 3 * math.pi * radii**3
+    volume = 4 / 3 * math.pi * libm.power(radii, 3)
     # the masses of the spheres of a grain add up to its true mass
     density = bodies.mass[grain] / np.bincount(grain, volume, minlength=bodies.count)[grain]
     clump = np.isin(grain, bodies.of_kind("clump"))
@@ -120,7 +121,7 @@ def _bond_texts(simulation: Simulation) -> BondTexts | None:
         return None
     bodies = simulation.bodies
     centers, radii, grain = bodies.spheres
-    share = radii**3 / np.bincount(grain, radii**3)[grain]
+    share = libm.power(radii, 3) / np.bincount(grain, libm.power(radii, 3))[grain]
     return bond_texts(simulation.bonds, simulation.law, centers, bodies.mass[grain] * share)
 
 
@@ -202,7 +203,7 @@ def _groups(simulation: Simulation) -> list[str]:
 
 def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
     """Return the commands of gravity and of the motion of grains."""
-    size = float(np.linalg.norm(simulation.gravity))
+    size = float(linear.norm(simulation.gravity))
     along = " ".join(repr(float(value)) for value in simulation.gravity / (size or 1.0))
     lines = []
     if spheres:
@@ -221,7 +222,7 @@ def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
 
 def _bonded_motion(simulation: Simulation) -> list[str]:
     """Return the commands of gravity and motion of spheres that are bonded."""
-    size = float(np.linalg.norm(simulation.gravity))
+    size = float(linear.norm(simulation.gravity))
     along = " ".join(repr(float(value)) for value in simulation.gravity / (size or 1.0))
     weight = [f"fix weight all gravity {size!r} vector {along}"] if size else []
     return ["fix move all nve/bpm/sphere", *weight]
@@ -337,7 +338,7 @@ def _read(folder: Path) -> Held:
     grain = molecules[:, 1].astype(np.int64) - 1
     count = int(grain.max()) + 1
     mass = np.zeros(count)
-    np.add.at(mass, grain, density * 4 / 3 * math.pi * radii**3)
+    np.add.at(mass, grain, density * 4 / 3 * math.pi * libm.power(radii, 3))
     position = np.zeros((count, 3))
     position[grain] = centers
     inertia = np.zeros((count, 3, 3))

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Engine, Held, row_of, text_of
@@ -115,7 +116,7 @@ def _grains(simulation: Simulation) -> str:
     centers, radii, grain = bodies.spheres
     mine, alone = grain[places], np.isin(grain[places], bodies.of_kind("sphere"))
     points, sizes = simulation.walls.wrapped(centers[places])[0], radii[places]
-    volume = 4 / 3 * math.pi * sizes**3
+    volume = 4 / 3 * math.pi * libm.power(sizes, 3)
     density = bodies.mass[mine] / np.bincount(mine, volume, minlength=bodies.count)[mine]
     names = np.where(alone, mine + 1, bodies.count + np.cumsum(~alone))
     of_clumps = [f"# atom {name} is of the fixed grain {one + 1}"
@@ -187,7 +188,7 @@ def _script(simulation: Simulation) -> str:
     spheres = int(bodies.assembly.movable[bodies.of_kind("sphere")].sum())
     boundary = " ".join("p" if periodic else "f" for periodic in simulation.walls.periodic)
     models, settings = models_of(simulation)
-    size = float(np.linalg.norm(simulation.gravity))
+    size = float(linear.norm(simulation.gravity))
     lines = [
         "units si",
         "atom_style granular",
@@ -342,11 +343,11 @@ def _held_spheres(table: Floats) -> tuple[float, Floats, Floats, Floats]:
     (s, 6).
     """
     radii, centers = table[:, 1] / 2, table[:, 3:]
-    masses = table[:, 2] * 4 / 3 * math.pi * radii**3
-    middle = masses @ centers / masses.sum()
+    masses = table[:, 2] * 4 / 3 * math.pi * libm.power(radii, 3)
+    middle = linear.matmul(masses, centers) / masses.sum()
     arms = centers - middle
     own = 0.4 * radii**2 + (arms**2).sum(axis=1)
-    inertia = (masses @ own) * np.eye(3) - np.einsum("s,si,sj->ij", masses, arms, arms)
+    inertia = linear.matmul(masses, own) * np.eye(3) - linear.einsum("s,si,sj->ij", masses, arms, arms)
     return float(masses.sum()), middle, inertia, np.column_stack([centers, radii])
 
 
@@ -360,8 +361,8 @@ def _held_clump(folder: Path, words: tuple[str, ...]) -> tuple[float, Floats, Fl
         tensor[place] = tensor[place[::-1]] = value
     center = block.reshape(3, 2).mean(axis=1)
     spheres = np.loadtxt(folder / name, ndmin=2) * scale
-    spheres[:, :3] = spheres[:, :3] @ matrix.T + center
-    return mass, center, matrix @ tensor @ matrix.T, spheres
+    spheres[:, :3] = linear.matmul(spheres[:, :3], matrix.T) + center
+    return mass, center, linear.matmul(linear.matmul(matrix, tensor), matrix.T), spheres
 
 
 registration = Engine(

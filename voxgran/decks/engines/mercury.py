@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Template
@@ -79,7 +80,7 @@ def _tables(template: Template, density: float) -> dict[str, Floats]:
     """Return pebbles, mass, inertia tensor and principal directions of a template, in its principal frame."""
     centers, radii = template.spheres
     return {
-        "pebbles": np.column_stack([centers @ template.principal.axes, radii]),
+        "pebbles": np.column_stack([linear.matmul(centers, template.principal.axes), radii]),
         "mass": np.array([[density * template.shape.volume]]),
         "toi": density * np.diag(template.principal.moments),
         "pd": np.eye(3),
@@ -281,8 +282,8 @@ def _read(folder: Path) -> Held:
     inertia, centers, radii = [], [], []
     for name, value, frame in zip(names, values, axes, strict=True):
         table = tables[name]
-        inertia.append(frame @ (value[0] ** 5 * table["toi"]) @ frame.T)
-        centers.append(value[0] * table["pebbles"][:, :3] @ frame.T + value[2:5])
+        inertia.append(linear.matmul(linear.matmul(frame, value[0] ** 5 * table["toi"]), frame.T))
+        centers.append(linear.matmul(value[0] * table["pebbles"][:, :3], frame.T) + value[2:5])
         radii.append(value[0] * table["pebbles"][:, 3])
     return Held(values[:, 1], values[:, 2:5], np.array(inertia), np.concatenate(centers), np.concatenate(radii))
 

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.bodies import Template
@@ -190,7 +191,7 @@ def _course(simulation: Simulation) -> list[str]:
 def _template(template: Template) -> list[str]:
     """Return the command that makes the template of a clump, at its own size, in its principal frame."""
     centers, radii = template.spheres
-    pebbles = np.column_stack([radii, centers @ template.principal.axes])
+    pebbles = np.column_stack([radii, linear.matmul(centers, template.principal.axes)])
     return [
         f"clump template create name '{template.name}' pebbles {len(radii)} ...",
         *(f"  {row_of(pebble)} ..." for pebble in pebbles),
@@ -224,7 +225,7 @@ def _grains(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
         else:
             points, share = corners[shape]
             lines.append(f"rblock create id {k + 1} density {density * share!r} vertices ...")
-            world = (scale * points) @ grains.matrices[k].T + place
+            world = linear.matmul(scale * points, grains.matrices[k].T) + place
             lines += [f"  {row_of(point)} ..." for point in world[:-1]]
             lines.append(f"  {row_of(world[-1])}")
     return [*lines, *_ball_densities(simulation), *_groups(simulation)]
@@ -241,7 +242,7 @@ def _ball_densities(simulation: Simulation) -> list[str]:
 
 def _turn(quaternion: Floats) -> str:
     """Return a rotation as axis and angle in degrees; empty for none."""
-    sine = float(np.linalg.norm(quaternion[1:]))
+    sine = float(linear.norm(quaternion[1:]))
     if sine == 0.0:
         return ""
     angle = math.degrees(2 * math.atan2(sine, float(quaternion[0])))
@@ -266,7 +267,7 @@ def _approximations(simulation: Simulation) -> list[str]:
         if template.kind == "polyhedron":
             points, share = _corners(template)
             true, held = template.shape.inertia, share * hull_of(points).inertia
-            error = float(np.linalg.norm(held - true) / np.linalg.norm(true))
+            error = float(linear.norm(held - true) / linear.norm(true))
             lines.append(
                 f"inertia of {template.name}: computed by PFC from the facets, off by {error:.2g} of the true one"
             )

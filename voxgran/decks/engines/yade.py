@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
 from voxgran.decks.bodies import Kind, Template
@@ -309,7 +310,7 @@ def _servo(simulation: Simulation) -> list[str]:
         return ["    PyRunner(command='move_platens()', iterPeriod=1),"]
     kept = ~np.isnan(simulation.stress)
     goal = ", ".join(repr(float(value)) for value in np.where(kept, -simulation.stress, 0.0))
-    mask, rate = int(kept @ np.array([1, 2, 4])), RATE / simulation.time_unit
+    mask, rate = int(linear.matmul(kept, np.array([1, 2, 4]))), RATE / simulation.time_unit
     return [
         f"    PeriTriaxController(goal=({goal}), stressMask={mask}, maxStrainRate=({rate!r}, {rate!r}, {rate!r}),",
         "        globUpdate=1, relStressTol=1e-3, maxUnbalanced=0),",
@@ -348,13 +349,13 @@ def _clump(template: Template) -> list[str]:
 def _lattice(template: Template) -> tuple[list[str], float]:
     """Return the distances of the points of a lattice from a surface as lines, and how far off its zero is, m."""
     shape, axes = template.shape, template.principal.axes
-    corners = shape.vertices @ axes
+    corners = linear.matmul(shape.vertices, axes)
     spacing = shape.diameter / CELLS
     low = np.floor(corners.min(axis=0) / spacing) - AROUND
     count = (np.ceil(corners.max(axis=0) / spacing) + AROUND - low + 1).astype(np.int64)
     places = [(low[k] + np.arange(count[k])) * spacing for k in range(3)]
     points = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
-    distances = shape.signed_distance(points @ axes.T).reshape(count)
+    distances = shape.signed_distance(linear.matmul(points, axes.T)).reshape(count)
     at = (corners / spacing - low).T
     error = float(np.abs(load("scipy.ndimage").map_coordinates(distances, at, order=1)).max())
     lines = [
@@ -380,7 +381,7 @@ def _read(folder: Path) -> Held:
         raise FileFormatError(f"{folder / GRAINS} has lines without 14 columns: write it again")
     table = np.array([row[3:] for row in rows], dtype=float)
     matrices = rotation_matrices(table[:, 4:8])
-    inertia = np.einsum("nij,nj,nkj->nik", matrices, table[:, 8:], matrices)
+    inertia = linear.einsum("nij,nj,nkj->nik", matrices, table[:, 8:], matrices)
     path = folder / SPHERES
     spheres = np.loadtxt(path, ndmin=2) if path.is_file() else np.zeros((0, 5))
     return Held(table[:, 0], table[:, 1:4], inertia, spheres[:, :3], spheres[:, 3])

@@ -4,6 +4,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -90,14 +91,18 @@ class Fisher(Aligned):
         frame = frame_of(axis_in(self.axis, "axis", dimension), dimension)
         if dimension == 2:
             angle = generator.vonmises(0.0, self.kappa, size=count)
-            return in_space(np.column_stack([np.cos(angle), np.sin(angle)]) @ frame.T)
+            return in_space(linear.matmul(np.column_stack([libm.cos(angle), libm.sin(angle)]), frame.T))
         share, azimuth = generator.random(count), 2.0 * np.pi * generator.random(count)
         # 1 - cos of the angle, exact also for small angles
         below = 2.0 * share
         if self.kappa > 0.0:
-            below = np.minimum(-np.log1p(share * np.expm1(-2.0 * self.kappa)) / self.kappa, 2.0)
+            below = np.minimum(-libm.log1p(share * libm.expm1(-2.0 * self.kappa)) / self.kappa, 2.0)
         across = np.sqrt(below * (2.0 - below))
-        return in_space(np.column_stack([1.0 - below, across * np.cos(azimuth), across * np.sin(azimuth)]) @ frame.T)
+        return in_space(
+            linear.matmul(
+                np.column_stack([1.0 - below, across * libm.cos(azimuth), across * libm.sin(azimuth)]), frame.T
+            )
+        )
 
     def moment(self, *, dimension: int) -> Floats:
         """Return the tensor by the ratio of two Bessel functions, in space the function of Langevin."""
@@ -131,12 +136,12 @@ class Watson(Aligned):
     def directions(self, count: int, generator: np.random.Generator, *, dimension: int) -> Floats:
         """Draw as from a Bingham distribution."""
         kappas, frame = self._principal(dimension)
-        return in_space(bingham_directions(kappas, count, generator) @ frame.T)
+        return in_space(linear.matmul(bingham_directions(kappas, count, generator), frame.T))
 
     def moment(self, *, dimension: int) -> Floats:
         """Return the tensor by quadrature."""
         kappas, frame = self._principal(dimension)
-        return np.asarray(frame * bingham_moments(kappas) @ frame.T)
+        return np.asarray(linear.matmul(frame * bingham_moments(kappas), frame.T))
 
     def _principal(self, dimension: int) -> tuple[Floats, Floats]:
         """Return concentrations (d,) along the columns of a frame (d, d)."""
@@ -171,7 +176,7 @@ class Bingham(Watson):
     def __post_init__(self) -> None:
         """Check the ranges and the axes."""
         Watson.__post_init__(self)
-        cosine = float(as_axis(self.axis, "axis") @ as_axis(self.second_axis, "second_axis"))
+        cosine = float(linear.matmul(as_axis(self.axis, "axis"), as_axis(self.second_axis, "second_axis")))
         if abs(cosine) > SQUARE:
             raise InputError(
                 f"second_axis has the cosine {cosine:.3g} with axis: they must be at right angles; give one that is"
@@ -192,14 +197,14 @@ def bingham_directions(kappas: Floats, count: int, generator: np.random.Generato
     """
     d, less = len(kappas), kappas.max() - kappas
     bound = float(load("scipy.optimize").brentq(lambda b: (1.0 / (b + 2.0 * less)).sum() - 1.0, 1.0, d, xtol=1e-12))
-    spread, most = 1.0 / np.sqrt(1.0 + 2.0 * less / bound), 0.5 * (bound - d) + 0.5 * d * np.log(d / bound)
+    spread, most = 1.0 / np.sqrt(1.0 + 2.0 * less / bound), 0.5 * (bound - d) + 0.5 * d * libm.log(d / bound)
     parts: list[Any] = [np.zeros((0, d))]
     missing = count
     while missing > 0:
         x = spread * generator.normal(size=(2 * missing + 8, d))
-        x /= np.linalg.norm(x, axis=1, keepdims=True)
-        power = x**2 @ less
-        kept = np.log1p(-generator.random(len(x))) < 0.5 * d * np.log1p(2.0 * power / bound) - power - most
+        x /= linear.norm(x, axis=1, keepdims=True)
+        power = linear.matmul(x**2, less)
+        kept = libm.log1p(-generator.random(len(x))) < 0.5 * d * libm.log1p(2.0 * power / bound) - power - most
         parts.append(x[kept])
         missing -= int(np.count_nonzero(kept))
     return np.concatenate(parts)[:count]
@@ -211,7 +216,7 @@ def bingham_moments(kappas: Floats) -> Floats:
     In space the integral over the angle about the axis of the largest concentration has a closed form, and that over
     the distance from its end is by the rule of Gauss on intervals that are halved towards it.
     """
-    order = np.argsort(kappas)
+    order = np.argsort(kappas, kind="stable")
     less, bessel = kappas.max() - kappas[order], load("scipy.special").ive
     if len(kappas) == 2:
         ratio = bessel(1, 0.5 * less[0]) / bessel(0, 0.5 * less[0])
@@ -223,12 +228,12 @@ def bingham_moments(kappas: Floats) -> Floats:
         under = (ends[:-1, None] + half * (1.0 + node)).ravel()
         square = under * (2.0 - under)
         about = 0.5 * (less[0] - less[1]) * square
-        weight = (half * share).ravel() * np.exp(-less[1] * square)
+        weight = (half * share).ravel() * libm.exp(-less[1] * square)
         whole, waist = weight * bessel(0, about), weight * bessel(1, about)
         total = whole.sum()
         across, beside = (square * whole).sum() / total, (square * waist).sum() / total
         found = np.array([0.5 * (across - beside), 0.5 * (across + beside), 1.0 - across])
-    return np.asarray(found[np.argsort(order)])
+    return np.asarray(found[np.argsort(order, kind="stable")])
 
 
 def _about(axis: Floats, along: float, dimension: int) -> Floats:

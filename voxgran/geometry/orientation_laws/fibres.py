@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError, shown
@@ -53,12 +54,12 @@ class Tensor(OrientationLaw):
         """Draw directions of vectors of a normal distribution."""
         values, frame = self._principal(dimension)
         spread = np.sqrt(variances_of(values))
-        return in_space(generator.normal(size=(count, dimension)) * spread @ frame.T)
+        return in_space(linear.matmul(generator.normal(size=(count, dimension)) * spread, frame.T))
 
     def moment(self, *, dimension: int) -> Floats:
         """Return the tensor itself."""
         values, frame = self._principal(dimension)
-        return np.asarray(frame * values @ frame.T)
+        return np.asarray(linear.matmul(frame * values, frame.T))
 
     def _principal(self, dimension: int) -> tuple[Floats, Floats]:
         """Return principal values (d,) and the frame (d, d) with the principal axes as columns."""
@@ -87,7 +88,7 @@ def principal(matrix: "ArrayLike") -> tuple[Floats, Floats]:
         raise InputError(f"matrix differs by {uneven:.3g} from its transpose: it must be symmetric; correct it")
     if abs(trace - 1.0) > ROUNDING:
         raise InputError(f"matrix has the trace {trace:.6g}: an orientation tensor has the trace 1; divide it by that")
-    values, frame = np.linalg.eigh(0.5 * (given + given.T))
+    values, frame = linear.eigh(0.5 * (given + given.T))
     if values[0] < -ROUNDING:
         raise InputError(
             f"matrix has the principal values {shown(values.round(6).tolist())}: means of squares are not negative; "
@@ -107,7 +108,7 @@ def variances_of(values: Floats) -> Floats:
         return found
     for _ in range(STEPS):
         got = squares_of(found)
-        found *= (values / got) ** POWER
+        found *= libm.power(values / got, POWER)
         found /= found.max()
         if np.abs(got - values).max() <= 4e-16 or np.abs(got / values - 1.0).max() <= 1e-13:
             break

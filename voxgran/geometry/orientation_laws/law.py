@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.config import check_bounds, parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, shown
@@ -83,10 +84,10 @@ class OrientationLaw(ABC):
         """
         n, ways = len(bodies), self.directions(len(bodies), generator, dimension=dimension)
         if dimension == 2:
-            half = 0.5 * (np.arctan2(ways[:, 1], ways[:, 0]) - np.arctan2(bodies[:, 1], bodies[:, 0]))
-            return normalized(np.column_stack([np.cos(half), np.zeros((n, 2)), np.sin(half)]))
+            half = 0.5 * (libm.arctan2(ways[:, 1], ways[:, 0]) - libm.arctan2(bodies[:, 1], bodies[:, 0]))
+            return normalized(np.column_stack([libm.cos(half), np.zeros((n, 2)), libm.sin(half)]))
         half = np.pi * generator.random(n)
-        about = np.column_stack([np.cos(half), np.sin(half)[:, None] * bodies])
+        about = np.column_stack([libm.cos(half), libm.sin(half)[:, None] * bodies])
         return normalized(product(rotations_between(bodies, ways), about))
 
 
@@ -110,7 +111,7 @@ def as_axis(value: "ArrayLike", name: str) -> Floats:
         )
     axis = np.zeros(3)
     axis[: len(vector)] = vector / largest
-    return axis / np.linalg.norm(axis)
+    return axis / linear.norm(axis)
 
 
 def axis_in(value: "ArrayLike", name: str, dimension: int) -> Floats:
@@ -137,5 +138,5 @@ def frame_of(axis: Floats, dimension: int) -> Floats:
 def in_space(ways: Floats) -> Floats:
     """Return directions (n, d) as unit vectors (n, 3)."""
     made = np.zeros((len(ways), 3))
-    made[:, : ways.shape[1]] = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    made[:, : ways.shape[1]] = ways / linear.norm(ways, axis=1, keepdims=True)
     return made

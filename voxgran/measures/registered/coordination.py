@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number
 from voxgran._base.errors import InputError
 from voxgran.contacts.model import Contacts
@@ -75,7 +76,7 @@ def coordination_number(
     InputError
         If a gap is negative or not finite.
     """
-    default = np.concatenate([[0.0], np.logspace(-6, np.log10(WIDEST_GAP), 11)])
+    default = np.concatenate([[0.0], np.logspace(-6, libm.log10(WIDEST_GAP), 11)])
     wanted = as_floats(default if gaps is None else gaps, "gaps", shape=(None,))
     if wanted.min(initial=0.0) < 0:
         raise InputError(f"gaps hold {wanted.min()}: none may be negative; take 0 for grains that touch")

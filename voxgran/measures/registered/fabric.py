@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.containers.model import periods_of
 from voxgran.geometry.orientation_laws.directional import Random
@@ -46,10 +47,10 @@ class Vectors:
 def fabric_vectors(packing: Packing) -> dict[str, Vectors]:
     """Return all sets of vectors."""
     contacts = touching_contacts(packing)
-    shift = contacts.image @ periods_of(packing.container)
+    shift = linear.matmul(contacts.image, periods_of(packing.container))
     branch = packing.position[contacts.j] + shift - packing.position[contacts.i]
     # relative lengths, whose squares neither overflow nor vanish
-    length = np.linalg.norm(branch / max(float(np.abs(branch).max(initial=0.0)), 1e-300), axis=1)
+    length = linear.norm(branch / max(float(np.abs(branch).max(initial=0.0)), 1e-300), axis=1)
     axes, grains = long_axes(packing)
     return {
         NORMALS: Vectors(contacts.normal, contacts.point),
@@ -88,7 +89,7 @@ def _directions(packing: Packing, law: OrientationLaw) -> tuple[Floats, Integers
     axes = body_axes(packing.shapes, law)
     distinct: Booleans = np.asarray(axes.any(axis=1), dtype=np.bool_)
     grains = np.flatnonzero(distinct[packing.shape_id])
-    return np.einsum("nij,nj->ni", packing.matrices[grains], axes[packing.shape_id[grains]]), grains
+    return linear.einsum("nij,nj->ni", packing.matrices[grains], axes[packing.shape_id[grains]]), grains
 
 
 def _orientations(packing: Packing) -> dict[str, Any]:
@@ -139,7 +140,7 @@ def _tensors(fabrics: list[Fabric]) -> dict[str, Any]:
     values, ways = np.full(second.shape[:2], np.nan), np.full(second.shape, np.nan)
     for k, tensor in enumerate(second):
         if np.isfinite(tensor).all():
-            rising, columns = np.linalg.eigh(tensor)
+            rising, columns = linear.eigh(tensor)
             values[k], ways[k] = rising[::-1], columns.T[::-1]
     return {
         "count": variable(row, [one.count for one in fabrics], "1", "number of vectors"),

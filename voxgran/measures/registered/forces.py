@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.contacts.forces import AT_REST, ContactForces, partner_images
@@ -101,7 +102,7 @@ def pair_forces(packing: Packing, forces: ContactForces, *, without_rattlers: bo
     i, j = forces.i[kept], forces.j[kept]
     image = partner_images(packing, forces)[kept]
     # a pair may be listed from either side; of a grain and its own image either way is the same
-    turned = (i > j) | ((i == j) & (image @ np.array([9, 3, 1]) < 0))
+    turned = (i > j) | ((i == j) & (linear.matmul(image, np.array([9, 3, 1])) < 0))
     first, second = np.where(turned, j, i), np.where(turned, i, j)
     rows = np.column_stack([first, second, np.where(turned[:, None], -image, image)])
     pair = np.unique(rows, axis=0, return_inverse=True)[1].ravel()

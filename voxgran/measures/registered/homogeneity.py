@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_number
 from voxgran.containers.model import refuse_tilt
 from voxgran.geometry.halfspaces import cut_disks, cut_spheres
@@ -125,7 +126,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     if not steps:
         return nothing
     size = np.array(steps, dtype=np.float64) * volume ** (1 / d) * edges.max()
-    windows = held.sum() / np.array(steps, dtype=np.float64) ** d
+    windows = held.sum() / libm.power(np.array(steps, dtype=np.float64), d)
     mean = float(fraction[held].mean())
     if not mean > 0.0:
         # no solid, whose share could be compared
@@ -133,11 +134,11 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     found = np.array([deviations[m] for m in steps]) / np.sqrt(1 - 1 / windows)
     found[found < ROUND_OFF * mean] = 0.0
     covariance = _covariance(np.where(held, fraction, mean), float(held.mean()), steps, window.periodic)
-    rule = (size / diameter) ** d, np.minimum(windows - 1, MANY), ASYMPTOTIC**d * (1 - 1e-9), mean * wanted
+    rule = libm.power(size / diameter, d), np.minimum(windows - 1, MANY), ASYMPTOTIC**d * (1 - 1e-9), mean * wanted
     exponent, reached = _fit(found, *rule)
     moved = [_fit(found * np.where(np.arange(len(steps)) == k, 1 + SMALL, 1.0), *rule) for k in range(len(steps))]
     change = (np.array(moved) - [exponent, reached]) / SMALL
-    doubt = np.sqrt(np.maximum(np.einsum("ki,kl,li->i", change, covariance, change), 0.0))
+    doubt = np.sqrt(np.maximum(linear.einsum("ki,kl,li->i", change, covariance, change), 0.0))
     # reached is a volume, in cubed or squared mean diameters
     edge = reached ** (1 / d) * diameter
     error = found * np.sqrt(np.diag(covariance))
@@ -164,7 +165,7 @@ def _held(window: PairWindow, cells: Floats, edges: Floats) -> Booleans:
     middles = np.zeros((int(np.prod(cells)), 3))
     middles[:, :d] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
     depth = -container.signed_distance(middles) - window.inset
-    return np.asarray(depth >= np.linalg.norm(edges) / 2).reshape(tuple(cells))
+    return np.asarray(depth >= linear.norm(edges) / 2).reshape(tuple(cells))
 
 
 def _steps(cells: int) -> Iterator[int]:
@@ -198,7 +199,7 @@ def _covariance(fraction: Floats, share: float, steps: list[int], periodic: Bool
     seen = np.array([(power * math.prod(np.ix_(*of))).ravel() for of in transforms])
     mean = seen.sum(axis=1)
     # a deviation is the root of a variance, so its relative error is half as large
-    covariance = seen @ seen.T / 4 / np.maximum(np.outer(mean, mean), np.finfo(float).tiny)
+    covariance = linear.matmul(seen, seen.T) / 4 / np.maximum(np.outer(mean, mean), np.finfo(float).tiny)
     for n, wraps in zip(fraction.shape, periodic, strict=True):
         if not wraps:
             held = max(round(n * share ** (1 / fraction.ndim)), *steps)
@@ -217,7 +218,7 @@ def _common(n: int, steps: list[int], wraps: bool) -> Floats:
     """
     inside = [(np.arange(n) - np.arange(n if wraps else n - step + 1)[:, None]) % n < step for step in steps]
     rows = [one.astype(np.float64) for one in inside]
-    return np.array([[((a @ b.T) ** 2).mean() / (a[0].sum() * b[0].sum()) for b in rows] for a in rows])
+    return np.array([[(linear.matmul(a, b.T) ** 2).mean() / (a[0].sum() * b[0].sum()) for b in rows] for a in rows])
 
 
 def _sums(values: Floats, step: int, periodic: Booleans) -> Floats:
@@ -238,7 +239,7 @@ def _fit(deviation: Floats, volume: Floats, weight: Floats, least: float, wanted
     used = (deviation > 0) & (volume >= least)
     exponent = math.nan
     if used.sum() >= 3:
-        x, y, w = np.log(volume[used]), np.log(deviation[used]), weight[used]
+        x, y, w = libm.log(volume[used]), libm.log(deviation[used]), weight[used]
         x, y = x - np.average(x, weights=w), y - np.average(y, weights=w)
         exponent = float((w * x * y).sum() / (w * x * x).sum())
     below = deviation <= wanted

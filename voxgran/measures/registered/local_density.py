@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_count
 from voxgran.measures.cells import cell_volumes
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
@@ -85,7 +86,7 @@ def set_voronoi(packing: Packing, points: int) -> Floats:
     for k in np.unique(packing.shape_id):
         mine = np.flatnonzero(packing.shape_id == k)
         body = surface_points(packing.shapes[k], points)
-        turned = np.einsum("gij,pj->gpi", packing.matrices[mine] * packing.scale[mine, None, None], body)
+        turned = linear.einsum("gij,pj->gpi", packing.matrices[mine] * packing.scale[mine, None, None], body)
         found.append((turned + packing.position[mine, None]).reshape(-1, 3))
         owner.append(np.repeat(mine, len(body)))
     place = np.concatenate(found)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of, periods_of, refuse_tilt
@@ -177,7 +178,7 @@ def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
     if wall := walls.sphere:
         radius = wall.radius
         heights = np.clip(edges - wall.center[axis], -radius, radius)
-        return np.asarray(np.diff(math.pi * (radius**2 * heights - heights**3 / 3)))
+        return np.asarray(np.diff(math.pi * (radius**2 * heights - libm.power(heights, 3) / 3)))
     return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_number
 from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.kernels import kernel
@@ -123,7 +124,8 @@ def radial_distribution(
     spread = np.maximum(spread, 0.0) * (count / (count - 1))
     variance = 4 * np.maximum(spread / 2, spread - sums.own / 2)
     g = sums.weight / expected
-    free = np.diff((edges / edges[-1]) ** packing.dimension) * _sphere(edges[-1], packing.dimension) / window.volume
+    rings = np.diff(libm.power(edges / edges[-1], packing.dimension))
+    free = rings * _sphere(edges[-1], packing.dimension) / window.volume
     neighbours = np.cumsum(g * free) * (all_pairs / whole)
     error, density = np.sqrt(variance) / expected, whole / window.volume
     return RadialDistribution(edges, g, error, neighbours, sums.pairs / 2, count, density)
@@ -266,10 +268,10 @@ def lattice_structure(points: Floats, periods: Floats, *, reach: float, step: fl
     It is exact on each vector of the reciprocal lattice; of a shell with more than 60, 60 are drawn.
     """
     chosen = _vectors(periods, reach, step)
-    length = np.linalg.norm(chosen @ reciprocal(periods), axis=1)
+    length = linear.norm(linear.matmul(chosen, reciprocal(periods)), axis=1)
     power = np.zeros(len(chosen))
     d, turns = len(periods), np.zeros((len(points), 3))
-    turns[:, :d] = np.linalg.solve(periods.T, points.T).T % 1.0 * 2 * np.pi
+    turns[:, :d] = linear.solve(periods.T, points.T).T % 1.0 * 2 * np.pi
     vectors = np.zeros((len(chosen), 3), np.int64)
     vectors[:, :d] = chosen
     if len(points) and len(chosen):
@@ -296,40 +298,40 @@ def transformed_structure(
     doi:10.1088/0022-3719/2/2/305), so that peaks are about 2 pi / R wide. Errors of the bins count as independent.
     """
     middle = (edges[1:] + edges[:-1]) / 2
-    shell = np.diff(4 / 3 * np.pi * edges**3 if dimension == 3 else np.pi * edges**2)
+    shell = np.diff(4 / 3 * np.pi * libm.power(edges, 3) if dimension == 3 else np.pi * edges**2)
     phase = waves[:, None] * middle
     wave = np.sinc(phase / np.pi) if dimension == 3 else load("scipy.special").j0(phase)
     weight = density * shell * np.sinc(middle / edges[-1]) * wave
     known = np.isfinite(g)
-    value = 1 + weight[:, known] @ (g[known] - 1)
-    spread = np.sqrt(weight[:, known] ** 2 @ error[known] ** 2)
+    value = 1 + linear.matmul(weight[:, known], g[known] - 1)
+    spread = np.sqrt(linear.matmul(weight[:, known] ** 2, error[known] ** 2))
     return StructureFactor(waves, value, spread, np.zeros(len(waves), np.int64))
 
 
 def reciprocal(periods: Floats) -> Floats:
     """Return the vectors of the reciprocal lattice (d, d), in the rows, of periods (d, d)."""
-    return np.asarray(2 * np.pi * np.linalg.inv(periods).T)
+    return np.asarray(2 * np.pi * linear.inverse(periods).T)
 
 
 def _vectors(periods: Floats, reach: float, step: float) -> Integers:
     """Return whole-number vectors (m, d) of the reciprocal lattice of periods (d, d), one of each opposite pair."""
     d, unit = len(periods), reciprocal(periods)
     # within this sphere all vectors are listed; they are some thousands
-    inner = min(reach, float((MOST_VECTORS * 40 * abs(np.linalg.det(unit))) ** (1 / d)))
-    most = np.floor(inner * np.linalg.norm(periods, axis=1) / (2 * np.pi) * (1 + 1e-12)).astype(np.int64)
+    inner = min(reach, float((MOST_VECTORS * 40 * abs(linear.determinant(unit))) ** (1 / d)))
+    most = np.floor(inner * linear.norm(periods, axis=1) / (2 * np.pi) * (1 + 1e-12)).astype(np.int64)
     axes = [np.arange(-n, n + 1) for n in most]
     every = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
     generator = stream(0, "wave vectors")
     aims = np.arange(inner, reach, step / MOST_VECTORS / 2) if reach > inner else np.zeros(0)
     directions = generator.standard_normal((len(aims), d))
-    directions *= (aims / np.linalg.norm(directions, axis=1))[:, None]
-    drawn = np.round(directions @ periods.T / (2 * np.pi)).astype(np.int64)
-    drawn = drawn[np.linalg.norm(drawn @ unit, axis=1) > inner]
-    found = np.concatenate([every[np.linalg.norm(every @ unit, axis=1) <= inner], drawn])
+    directions *= (aims / linear.norm(directions, axis=1))[:, None]
+    drawn = np.round(linear.matmul(directions, periods.T) / (2 * np.pi)).astype(np.int64)
+    drawn = drawn[linear.norm(linear.matmul(drawn, unit), axis=1) > inner]
+    found = np.concatenate([every[linear.norm(linear.matmul(every, unit), axis=1) <= inner], drawn])
     # the first coordinate that is not 0 is above 0
     leading = found[np.arange(len(found)), (found != 0).argmax(axis=1)]
     found = np.unique(found[leading != 0] * np.sign(leading[leading != 0])[:, None], axis=0)
-    length = np.linalg.norm(found @ unit, axis=1)
+    length = linear.norm(linear.matmul(found, unit), axis=1)
     found, length = found[length < reach], length[length < reach]
     shell = np.floor(length / step).astype(np.int64)
     order = np.lexsort((generator.random(len(found)), shell))

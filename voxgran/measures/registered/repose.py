@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning, warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
@@ -52,13 +53,13 @@ def repose(packing: Packing) -> Repose:
     up, edge = -np.array(packing.gravity), CELL * float(np.median(packing.diameters))
     level = np.array([top_of(packing, grain, up) for grain in range(packing.count)])
     # two directions across gravity, in two dimensions one
-    basis = np.linalg.svd(up[None, : packing.dimension])[2][1:]
+    basis = linear.across(up[: packing.dimension])
     offset = packing.position - np.average(packing.position, axis=0, weights=packing.volumes)
-    place = offset[:, : packing.dimension] @ basis.T
+    place = linear.matmul(offset[:, : packing.dimension], basis.T)
     order = np.argsort(-level, kind="stable")
     highest = order[np.unique(np.floor(place[order] / edge), axis=0, return_index=True)[1]]
     place, level = place[highest], level[highest]
-    away = np.linalg.norm(place, axis=1)
+    away = linear.norm(place, axis=1)
     sides = [place[:, 0] < 0.0, place[:, 0] >= 0.0] if packing.dimension == 2 else [away >= 0.0]
     slope, error, height = np.array([_line(away[side], level[side], edge) for side in sides]).T
     if not np.isfinite(slope).all():
@@ -67,9 +68,9 @@ def repose(packing: Packing) -> Repose:
             "repose: pour more grains, or into a wider container",
             PackingWarning,
         )
-    angle = np.degrees(np.arctan(slope))
+    angle = np.degrees(libm.arctan(slope))
     error = np.degrees(error / (1.0 + slope**2))
-    return Repose(float(angle.mean()), float(np.linalg.norm(error) / len(sides)), float(height.mean()))
+    return Repose(float(angle.mean()), float(linear.norm(error) / len(sides)), float(height.mean()))
 
 
 def _line(away: Floats, level: Floats, edge: float) -> tuple[float, float, float]:
@@ -89,10 +90,10 @@ def _line(away: Floats, level: Floats, edge: float) -> tuple[float, float, float
     if len(away) < FEWEST:
         return math.nan, math.nan, height
     offset = away - away.mean()
-    spread = float(offset @ offset)
-    slope = -float(offset @ level) / spread
+    spread = float(linear.matmul(offset, offset))
+    slope = -float(linear.matmul(offset, level)) / spread
     rest = level - level.mean() + slope * offset
-    return slope, math.sqrt(float(rest @ rest) / (len(away) - 2) / spread), height
+    return slope, math.sqrt(float(linear.matmul(rest, rest)) / (len(away) - 2) / spread), height
 
 
 def _crossing(distance: Floats, mean: Floats, level: float) -> float:

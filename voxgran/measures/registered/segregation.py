@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.seeds import stream
@@ -91,7 +92,7 @@ def heights(packing: Packing) -> Floats | None:
     up = -np.array(packing.gravity)
     lower, upper = packing.container.bounds
     lowest = np.where(up > 0, lower, upper)
-    return np.asarray((packing.position - lowest) @ up)
+    return np.asarray(linear.matmul(packing.position - lowest, up))
 
 
 def ranks_of(values: Floats) -> Integers:
@@ -129,8 +130,9 @@ def _spearman(rank: Integers, height: Floats) -> float:
     """Return Spearman's correlation of two values of each grain; NaN where one is the same for all."""
     if len(rank) < 3 or rank.min() == rank.max() or height.min() == height.max():
         return math.nan
-    average = load("scipy.stats").rankdata
-    return float(np.corrcoef(average(rank), average(height))[0, 1])
+    average = load("scipy.stats").rankdata  # bits: ranks
+    one, other = (values - values.mean() for values in (average(rank), average(height)))
+    return float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum()))
 
 
 def _classes(rank: Integers) -> Integers:
@@ -297,7 +299,7 @@ def _tested(tables: Integers) -> Floats:
 
 def _probabilities(table: Integers) -> tuple[Floats, float]:
     """Return the p-value of each layer, and that of the largest distance, against random tables."""
-    draw = load("scipy.stats").random_table(table.sum(axis=1), table.sum(axis=0))
+    draw = load("scipy.stats").random_table(table.sum(axis=1), table.sum(axis=0))  # bits: whole numbers
     generator = stream(0, "layers in random order")
     tables = np.asarray(draw.rvs(TABLES, random_state=generator)).astype(np.int64)
     here, drawn = _tested(table[None])[0] - ROUND_OFF, _tested(tables)

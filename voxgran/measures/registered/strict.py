@@ -1,7 +1,6 @@
 """Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
-import numpy as np
-
+from voxgran._base import linear
 from voxgran._base.compiling.threads import using_threads
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
@@ -56,7 +55,7 @@ def _is_free(assembly: Assembly, near: Pairs) -> bool:
     if (escape_depths(assembly) > limit).any():
         return False
     reach = (assembly.bounding_radii[near.i] + assembly.bounding_radii[near.j]) ** 2
-    pairs = near.where(np.einsum("ki,ki->k", near.offset, near.offset) < reach)
+    pairs = near.where(linear.einsum("ki,ki->k", near.offset, near.offset) < reach)
     with using_threads(None):
         return not (contacts_of_pairs(assembly, pairs, -limit).gap < -limit).any()
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.level_grid import LevelGrid, empty_grid, link_at, unlink_at
@@ -18,7 +19,7 @@ SPARE = 2
 def lay_cells(lengths: Floats, periods: Floats, radii: Floats, dimension: int) -> LevelGrid:
     """Return empty cells for spheres, from the lower corner of a box of these lengths that repeats by `periods`."""
     given = radii if len(radii) else np.ones(1)
-    level = np.floor(np.log2(given.max() / given)).astype(np.int64)
+    level = np.floor(libm.log2(given.max() / given)).astype(np.int64)
     used, number = np.unique(level, return_counts=True)
     largest = np.array([given[level == k].max() for k in used])
     axes = np.arange(3) < dimension

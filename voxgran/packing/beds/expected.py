@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.progress import OnStep, Step, reported
@@ -72,7 +73,7 @@ def expected_bed(problem: Problem, gravity: Floats | None = None) -> ExpectedBed
     points = points_inside(container, stream(problem.seed, "height"))
     room = -np.asarray(container.signed_distance(points))
     floor, top = container_levels(container, up)
-    level = points @ up - floor
+    level = linear.matmul(points, up) - floor
     filled = np.sort(level[room > AT_WALLS * mean_diameter(problem)])
 
     def height(volume: float) -> float:

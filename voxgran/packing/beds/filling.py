@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside
@@ -49,7 +50,7 @@ def usual_solid_fraction(problem: Problem, friction: float | Materials | None = 
     friction = mean_friction(friction, problem.shape_id, len(problem.shapes))
     found = RUBBING[dimension] + (FREE[dimension] - RUBBING[dimension]) * math.exp(-friction / USUAL)
     roundness = np.array([min(sphericity(Form(shape)), 1.0) for shape in problem.shapes])[problem.shape_id]
-    looser = np.minimum(roundness / ROUND, 1.0) ** POWER[dimension]
+    looser = libm.power(np.minimum(roundness / ROUND, 1.0), POWER[dimension])
     graded = 1.0 + GRADED * math.log(max(mean_diameter(problem), 1.0))
     return min(found * graded * float(np.average(looser, weights=problem.volumes)), 1.0)
 
@@ -68,7 +69,7 @@ def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.ra
     container, size = problem.container, mean_diameter(problem)
     points = points_inside(container, generator)
     within = np.asarray(container.signed_distance(points)) < -AT_WALLS * size
-    within &= points @ up < container_levels(container, up)[0] + height - AT_SURFACE
+    within &= linear.matmul(points, up) < container_levels(container, up)[0] + height - AT_SURFACE
     # several points above each, so that thin walls are seen
     for part in range(1, LOOKS + 1):
         above = points + part / LOOKS * (_room(problem, up) + AT_SURFACE) * up
@@ -98,17 +99,17 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     def held(places: Floats) -> Booleans:
         """Return where the largest grains are within the container, and below the height."""
         within: Booleans = np.asarray(container.signed_distance(places)) <= ROUNDING - 0.5 * largest
-        return within if height is None else within & (places @ up <= lowest + height - 0.5 * largest)
+        return within if height is None else within & (linear.matmul(places, up) <= lowest + height - 0.5 * largest)
 
     most, sure = count, 0
     for axis in (up, *np.eye(3)[: problem.dimension]):
         if np.any(np.array(container.periodic) & (np.abs(axis) < 1.0)):
             continue
         # from the lower end on
-        along = -axis if axis @ up < 0.0 else axis
+        along = -axis if linear.matmul(axis, up) < 0.0 else axis
         start, end = container_levels(container, along)
-        length = end - start if height is None or along @ up < 1.0 else height
-        across = points - (points @ along)[:, None] * along
+        length = end - start if height is None or linear.matmul(along, up) < 1.0 else height
+        across = points - linear.matmul(points, along)[:, None] * along
         rise = _zigzag(across[room >= 0.5 * least], least, ALTERNATING)[0]
         if rise > 0.0 and spheres:
             most = min(most, 1 + int((length - least) / rise))
@@ -157,8 +158,8 @@ def _zigzag(centers: Floats, diameter: float, share: float) -> tuple[float, Floa
         return diameter, np.zeros(3), np.zeros(3)
     middle = centers.mean(axis=0)
     ways = centers - middle
-    away = share * ways[np.argmax(np.einsum("ij,ij->i", ways, ways))]
-    return math.sqrt(max(diameter**2 - 4.0 * float(away @ away), 0.0)), middle, away
+    away = share * ways[np.argmax(linear.einsum("ij,ij->i", ways, ways))]
+    return math.sqrt(max(diameter**2 - 4.0 * float(linear.matmul(away, away)), 0.0)), middle, away
 
 
 def highest_surface(problem: Problem, up: Floats) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import check_bounds, parameter
@@ -98,7 +98,7 @@ class Column:
         """Lower and upper corner, (2, 3): those of the container, narrowed where gravity is along an axis."""
         lower, upper = np.array(self.container.bounds, dtype=np.float64)
         if np.abs(self.up).max() == 1.0:
-            half = np.abs(self.half @ self.axes) if len(self.half) > 1 else self.half[0]
+            half = np.abs(linear.matmul(self.half, self.axes)) if len(self.half) > 1 else self.half[0]
             flat = (self.up == 0.0) & (np.arange(3) < self.dimension)
             lower = np.where(flat, np.maximum(lower, self.center - half), lower)
             upper = np.where(flat, np.minimum(upper, self.center + half), upper)
@@ -122,15 +122,17 @@ class Column:
         """Return the distance of (n, 3) points from the edge of the inlet across gravity, negative below it."""
         offset = points - self.center
         if len(self.half) > 1:
-            return np.asarray((np.abs(offset @ self.axes.T) - self.half).max(axis=1))
-        return np.asarray(np.linalg.norm(offset - np.outer(offset @ self.up, self.up), axis=1) - self.half[0])
+            return np.asarray((np.abs(linear.matmul(offset, self.axes.T)) - self.half).max(axis=1))
+        return np.asarray(
+            linear.norm(offset - np.outer(linear.matmul(offset, self.up), self.up), axis=1) - self.half[0]
+        )
 
     def surface(self, spheres: Floats) -> float:
         """Return the level of the highest of spheres (n, 4) that reach below the inlet; -inf where none does."""
         centers, radii = spheres[:, :3], spheres[:, 3]
         periods = periods_of(self.container)
-        below = self.across(centers - nearest_turns(centers - self.center, periods) @ periods) < radii
-        return float((centers @ self.up + radii)[below].max(initial=-np.inf))
+        below = self.across(centers - linear.matmul(nearest_turns(centers - self.center, periods), periods)) < radii
+        return float((linear.matmul(centers, self.up) + radii)[below].max(initial=-np.inf))
 
 
 def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tuple[Any, float]:
@@ -164,7 +166,7 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
             f"inlet is {2.0 * half.min() * unit:g} wide, and the largest grain is {widest * unit:g}: grains do not "
             "pass it; make it wider"
         )
-    reach = half @ axes if len(half) > 1 else half[0] * np.sqrt(np.maximum(1.0 - up**2, 0.0))
+    reach = linear.matmul(half, axes) if len(half) > 1 else half[0] * np.sqrt(np.maximum(1.0 - up**2, 0.0))
     beyond = flat & (np.abs(up) < 1.0) & ((center - reach < lower - 1e-9) | (center + reach > upper + 1e-9))
     if beyond.any():
         axis = "xyz"[int(np.argmax(beyond))]
@@ -176,8 +178,10 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
     whole = np.zeros(3, dtype=np.bool_)
     if len(half) > 1:
         # a rectangle from one periodic side to the other has no edge there
-        whole = np.array(problem.container.periodic) & (2.0 * half @ axes > (upper - lower) * (1.0 - 1e-9))
-        half = np.where(axes @ whole > 0.0, 2.0 * (axes @ (upper - lower)), half)
+        whole = np.array(problem.container.periodic) & (
+            linear.matmul(2.0 * half, axes) > (upper - lower) * (1.0 - 1e-9)
+        )
+        half = np.where(linear.matmul(axes, whole) > 0.0, 2.0 * linear.matmul(axes, upper - lower), half)
     column = Column(problem.container, up, center, half, axes, (bool(whole[0]), bool(whole[1]), bool(whole[2])))
     floor, top = container_levels(problem.container, up)
     level = -np.inf if inlet.height is None else floor + problem.length(inlet.height)

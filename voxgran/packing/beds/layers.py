@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_count, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
@@ -147,5 +148,5 @@ def surface_level(packing: Packing, first: int = 0, last: int | None = None) -> 
 def top_of(packing: Packing, grain: int, up: Floats) -> float:
     """Return the highest level of a grain."""
     if packing.shapes[packing.shape_id[grain]].is_sphere:
-        return float(packing.position[grain] @ up + packing.bounding_radii[grain])
-    return float((packing.world_vertices(grain) @ up).max())
+        return float(linear.matmul(packing.position[grain], up) + packing.bounding_radii[grain])
+    return float(linear.matmul(packing.world_vertices(grain), up).max())

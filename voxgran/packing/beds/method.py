@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, warn
@@ -162,7 +163,7 @@ def _assembly(problem: Problem, centers: Floats, generator: np.random.Generator)
     turns = generator.normal(size=(n, 4))
     if problem.dimension == 2:
         turns[:, 1:3] = 0.0
-    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    turns /= linear.norm(turns, axis=1)[:, None]
     if problem.orientation is not None:
         turns = problem.orientation[:n].copy()
     elif problem.start is not None:
@@ -180,7 +181,7 @@ def _start(problem: Problem) -> tuple[Assembly, Floats]:
     n = in_column(problem, up, n, _height(problem, up), stream(problem.seed, "column"))
     spheres, m = spheres_of_start(problem), problem.started
     n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
-    base = float((centers @ up + spheres[:, 3]).max(initial=-math.inf))
+    base = float((linear.matmul(centers, up) + spheres[:, 3]).max(initial=-math.inf))
     if settings.inlet is not None:
         container, base = column_below(settings.inlet, problem, up, np.column_stack([centers, spheres[:, 3]]))
         # those that grow in the column together

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
@@ -38,7 +39,7 @@ def column_top(
     The level is at least the height `layer` of one layer of grains above the lowest one: few grains have a smaller
     volume in a wide container.
     """
-    level = points_inside(container, generator) @ up
+    level = linear.matmul(points_inside(container, generator), up)
     below = float((level < base).mean())
     share = min(below + volume / container.volume, 1.0)
     top = float(np.quantile(level, share)) if share < 1.0 else float(level.max())
@@ -83,7 +84,7 @@ def random_seeds(
         points = points_inside(container, generator, max(TRIES * n, SAMPLES), span)
         room = -np.asarray(container.signed_distance(points))
         # as far from the top as from the floor, or else large grains would begin higher
-        room = np.minimum(room, np.minimum(top - points @ up, points @ up - base))
+        room = np.minimum(room, np.minimum(top - linear.matmul(points, up), linear.matmul(points, up) - base))
         before = placed
         placed = int(_place(spheres, level, order, placed, points, room, lower, cells))
         if placed - before < 0.01 * n:

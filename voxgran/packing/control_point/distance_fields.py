@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lazy import load
@@ -121,10 +122,10 @@ def _planes_of(geometry: Geometry) -> Floats | None:
     """Return the planes of the faces of a convex body, or None where it is none or has too many."""
     if isinstance(geometry, Outline):
         a, b = geometry.vertices, np.roll(geometry.vertices, -1, axis=0)
-        along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+        along = (b - a) / linear.norm(b - a, axis=1, keepdims=True)
         normal = np.column_stack([along[:, 1], -along[:, 0]])
         offset = (normal * a).sum(axis=1)
-        if len(a) > MOST_PLANES or (geometry.vertices @ normal.T > offset + 1e-12).any():
+        if len(a) > MOST_PLANES or (linear.matmul(geometry.vertices, normal.T) > offset + 1e-12).any():
             return None
         return np.column_stack([normal, np.zeros(len(a)), offset])
     if isinstance(geometry, Primitive) and geometry.kind != "box":
@@ -138,7 +139,7 @@ def _planes_of(geometry: Geometry) -> Floats | None:
     if len(order) > MOST_PLANES:
         return None
     normal = hull.equations[order, :3]
-    return np.column_stack([normal, (corners @ normal.T).max(axis=0)])
+    return np.column_stack([normal, linear.matmul(corners, normal.T).max(axis=0)])
 
 
 def _sampled(shape: Shape, cell: float, reach: float, margin: float) -> tuple[Floats, float, NDArray[np.float32]]:
@@ -306,12 +307,12 @@ def _table(places: Floats, spheres: Floats, pad: float) -> Floats:
     signs = np.array([[1 - (o >> 1 & 2), 1 - (o & 2), 1 - (2 * o & 2)] for o in range(8)])
     nodes = np.stack([i, j, STEPS - i - j], axis=-1) / STEPS * signs[:, None, None, :]
     ways = nodes.reshape(-1, 3)
-    length, reach = np.linalg.norm(ways, axis=1), np.full(len(ways), -np.inf)
+    length, reach = linear.norm(ways, axis=1), np.full(len(ways), -np.inf)
     for sphere in spheres:
-        reach = np.maximum(reach, ways @ sphere[:3] + sphere[3] * length)
+        reach = np.maximum(reach, linear.matmul(ways, sphere[:3]) + sphere[3] * length)
     many = max(1, PRODUCTS // len(places))
     for k in range(0, len(ways), many):
-        reach[k : k + many] = np.maximum(reach[k : k + many], (ways[k : k + many] @ places.T).max(axis=1))
+        reach[k : k + many] = np.maximum(reach[k : k + many], linear.matmul(ways[k : k + many], places.T).max(axis=1))
     table = ((reach + pad * length) * (1.0 + ROOM)).reshape(8, STEPS + 1, STEPS + 1)
     # beyond the last node each triangle goes on as a plane
     for total in range(STEPS + 1, 2 * STEPS + 1):

@@ -7,6 +7,7 @@ against the one at which the true surfaces touch.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel
@@ -142,7 +143,7 @@ class Encounter:
             If the direction has no length, or the grains do not meet on this way.
         """
         way, beside = as_floats(direction, "direction", shape=(3,)), as_floats(aside, "aside", shape=(3,))
-        length = float(np.linalg.norm(way))
+        length = float(linear.norm(way))
         if length == 0.0:
             raise InputError("direction is (0, 0, 0): a grain comes from somewhere; give a vector with a length")
         self._turn(turns)

@@ -34,6 +34,7 @@ from functools import partial
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.containers.gravity import gravity_vector, main_axis, upward
@@ -115,7 +116,7 @@ class ControlWalker:
     def has_settled(self, problem: Problem, state: ControlState) -> bool:
         """Return whether neither the bed nor the lid has sunk since the last call, beyond small limits."""
         before, lid_before = state.height, state.lid_before
-        state.height = -float((state.position[state.grains] @ gravity_vector(problem)).sum())
+        state.height = -float(linear.matmul(state.position[state.grains], gravity_vector(problem)).sum())
         state.lid_before = state.lid_lowered
         lid_rests = state.lid_lowered - lid_before <= LID_STEP
         return lid_rests and abs(before - state.height) <= SETTLE_DEPTH * state.placed
@@ -231,7 +232,7 @@ def check_distance(problem: Problem) -> None:
     # two smallest grains in opposite corners; a grain reaches half its volume over its surface at least
     inner = [shape.volume / shape.surface_area for shape in problem.shapes]
     least = float(np.partition(np.array(inner)[problem.shape_id] * problem.diameter, 1)[:2].sum())
-    room = float(np.linalg.norm((upper - lower)[: problem.dimension])) - least
+    room = float(linear.norm((upper - lower)[: problem.dimension])) - least
     if distance >= room:
         raise InputError(
             f"distance is {distance * problem.unit_length:g}: the container has room for less than "

@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel, inlined_kernel
@@ -54,7 +55,7 @@ def make_trees(sets: Sequence[Floats]) -> Trees:
         if len(points) == 0:
             raise InputError(f"set {k} has 0 points: a tree needs at least 1; use a smaller spacing")
     count = np.array([len(points) for points in sets], dtype=np.int64)
-    depth = np.array([max(0, int(np.ceil(np.log2(n / LEAF)))) for n in count], dtype=np.int64)
+    depth = np.array([max(0, int(np.ceil(libm.log2(n / LEAF)))) for n in count], dtype=np.int64)
     start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     first = np.concatenate([[0], np.cumsum(2 ** (depth + 1) - 1)]).astype(np.int64)
     joined = np.zeros((int(start[-1]), 3))
@@ -89,7 +90,7 @@ def _build(points: Floats, depth: int, spheres: Floats) -> None:
             spheres[2**level - 1 + mine] = np.column_stack((center, radius * (1 + ROOM)))
             if level < depth:
                 along = np.take_along_axis(part, (high - low).argmax(axis=1)[:, None, None], axis=2)[:, :, 0]
-                order = np.argpartition(along, half, axis=1)
+                order = np.argsort(along, axis=1, kind="stable")
                 points[rows] = np.take_along_axis(part, order[:, :, None], axis=1)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key
@@ -147,7 +148,7 @@ def _pair_cache(problem: Problem) -> PairCache:
 
 def _cached_pairs(problem: Problem) -> int:
     """Return for how many pairs there is a cache, a power of two."""
-    return min(MOST_PAIRS, 1 << int(np.ceil(np.log2(16 * max(problem.count, 1)))))
+    return min(MOST_PAIRS, 1 << int(np.ceil(libm.log2(16 * max(problem.count, 1)))))
 
 
 def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
@@ -271,7 +272,7 @@ def _wall_points(problem: Problem) -> SurfacePoints:
 def _edge_lengths(problem: Problem) -> Floats:
     """Return the lengths of the edges of a polygon."""
     loops = boundary_of(problem.container).loops
-    return np.concatenate([np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1) for loop in loops])
+    return np.concatenate([linear.norm(np.roll(loop, -1, axis=0) - loop, axis=1) for loop in loops])
 
 
 def _edge_points(problem: Problem) -> SurfacePoints:
@@ -318,8 +319,8 @@ def _hull(shape: Shape) -> tuple[Floats, float]:
 def _spread(corners: Floats) -> Floats:
     """Return corners, (n, 3), as they are, or in two coordinates where all lie in a plane."""
     middle = corners - corners.mean(axis=0)
-    axes = np.linalg.svd(middle, full_matrices=False)
-    return corners if axes[1][2] > FLAT_SHARE * axes[1][0] else middle @ axes[2][:2].T
+    axes = linear.svd(middle)
+    return corners if axes[1][2] > FLAT_SHARE * axes[1][0] else linear.matmul(middle, axes[2][:2].T)
 
 
 def _starts(parts: Sequence[Floats]) -> Integers:

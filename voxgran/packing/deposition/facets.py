@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import ROUND, UPRIGHT, MeshWalls
@@ -55,7 +56,7 @@ def standing_out(mesh: MeshWalls) -> NDArray[np.int64]:
     inward = np.roll(corners, -2, axis=1) - corners
     length = np.maximum((along**2).sum(axis=2, keepdims=True), 1e-300)
     inward = inward - (inward * along).sum(axis=2, keepdims=True) / length * along
-    inward /= np.maximum(np.linalg.norm(inward, axis=2, keepdims=True), 1e-300)
+    inward /= np.maximum(linear.norm(inward, axis=2, keepdims=True), 1e-300)
     edges = (mesh.normals[:, 1:4] * inward).sum(axis=2) > SHARP
     _, vertex = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import WHOLE, Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.contacts.inside import Occupied
@@ -43,7 +44,7 @@ def container_lattice(problem: Problem) -> ContainerLattice:
     voxel_size = _usual_voxel_size(problem) if asked is None else problem.length(asked)
     lower, upper = container.bounds
     lengths = (upper - lower)[: container.dimension]
-    if float(np.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > np.log2(MOST_VOXELS):
+    if float(libm.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > libm.log2(MOST_VOXELS):
         raise TooLargeError(
             f"voxel_size is {voxel_size * problem.unit_length:.6g}: the voxels of the container would take more than "
             f"{MOST_VOXELS // 2**33} GiB, a bit each; make them larger"

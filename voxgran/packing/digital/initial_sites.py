@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.gravity import upward
 from voxgran.packing.digital.container_lattice import ContainerLattice
@@ -74,9 +75,9 @@ def ways_from(gravity: Integers, places: Integers, *, raised: bool) -> Integers:
     dimension = 3 if places[2] > 1 else 2
     up = upward(gravity, dimension)
     if raised:
-        return np.arange(int(np.abs(up) @ places) + 1)[:, None] * up
+        return np.arange(int(linear.matmul(np.abs(up), places)) + 1)[:, None] * up
     ticks = np.arange(-REACH, REACH + 1)
     near: Integers = np.stack(np.meshgrid(ticks, ticks, ticks if dimension == 3 else [0]), axis=-1).reshape(-1, 3)
     square = (near**2).sum(axis=1)
     near, square = near[square <= REACH**2], square[square <= REACH**2]
-    return near[np.lexsort((*near.T, -(near @ up), square))]
+    return near[np.lexsort((*near.T, -linear.matmul(near, up), square))]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.digital.bit_columns import Field, VoxelBank, turned_box, turned_mask
@@ -77,7 +78,7 @@ def make_tables(bank: VoxelBank, rotations: Integers, turns: Integers, shape: In
                 size.append(table.size)
                 begin += table.words.size
     keys = {matrix.tobytes(): k for k, matrix in enumerate(rotations)}
-    between = [[keys[(a.T @ b).tobytes()] for b in rotations] for a in rotations]
+    between = [[keys[linear.matmul(a.T, b).tobytes()] for b in rotations] for a in rotations]
     back = [keys[np.ascontiguousarray(a.T).tobytes()] for a in rotations]
     edge = reach_of(np.array(low), np.array(size))
     cells = np.append(np.maximum(shape // edge, 1), edge).astype(np.int64)

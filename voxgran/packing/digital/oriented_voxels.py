@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import lattice_rotations, product, quaternions_of, random_rotations
@@ -94,7 +95,7 @@ def random_poses(problem: Problem, count: int) -> Floats:
     if problem.dimension == 3:
         return random_rotations(generator, count)
     half = np.pi * generator.random(count)
-    return np.column_stack([np.cos(half), np.zeros((count, 2)), np.sin(half)])
+    return np.column_stack([libm.cos(half), np.zeros((count, 2)), libm.sin(half)])
 
 
 def base_orientations(problem: Problem, first: Integers, bases: int) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.seeds import philox_key
 from voxgran.containers.gravity import gravity_vector, main_axis
@@ -176,7 +177,7 @@ def mean_width(shape: Shape) -> float:
     ways = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if way > (0, 0, 0)], dtype=np.float64)
     if shape.dimension == 2:
         ways = ways[ways[:, 2] == 0]
-    along = shape.vertices @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T
+    along = linear.matmul(shape.vertices, (ways / linear.norm(ways, axis=1, keepdims=True)).T)
     return float(np.ptp(along, axis=0).mean())
 
 
@@ -259,7 +260,7 @@ def _directions(problem: Problem) -> tuple[Integers, Integers, Floats]:
     if problem.dimension == 2:
         steps = steps[steps[:, 2] == 0]
     gravity = gravity_vector(problem)
-    along = np.round(steps @ gravity, 12)
+    along = np.round(linear.matmul(steps, gravity), 12)
     order = np.argsort(-np.sign(along), kind="stable")
     bounds = np.array([0, int((along > 0).sum()), int((along >= 0).sum()), len(steps)], dtype=np.int64)
     return steps[order], bounds, gravity

@@ -27,6 +27,7 @@ from functools import partial
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.gravity import gravity_vector
@@ -194,7 +195,10 @@ class DigitalWalker:
 
     def has_settled(self, problem: Problem, state: DigitalState) -> bool:
         """Return whether the bed has hardly sunk, and not risen, since the last call; heights are in voxels."""
-        before, state.height = state.height, -float((state.site[state.grains] @ gravity_vector(problem)).sum())
+        before, state.height = (
+            state.height,
+            -float(linear.matmul(state.site[state.grains], gravity_vector(problem)).sum()),
+        )
         return 0.0 <= before - state.height <= SETTLE_VOXELS * state.placed
 
 

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
@@ -90,7 +91,7 @@ def expected_solid_fraction(sizes: SizeDistribution, *, dimension: int = 3) -> f
 def reachable(diameters: Floats, dimension: int) -> float:
     """Return the solid fraction at which given spheres or disks, by their diameters (n,), are expected to jam."""
     ordered = np.sort(diameters)
-    return _of_rods(ordered.tobytes(), (ordered ** (dimension - 1)).tobytes(), dimension)
+    return _of_rods(ordered.tobytes(), libm.power(ordered, dimension - 1).tobytes(), dimension)
 
 
 @lru_cache(maxsize=8)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
@@ -52,7 +53,7 @@ class PairList(NamedTuple):
 def image_shifts(periods: Floats) -> Floats:
     """Return the vector of each image, (IMAGES**3, 3), by the vectors (3, 3) by which the container repeats."""
     turns = np.indices((IMAGES,) * 3).reshape(3, -1).T - MOST_IMAGES
-    return np.ascontiguousarray(turns @ periods)
+    return np.ascontiguousarray(linear.matmul(turns, periods))
 
 
 @bare_kernel

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.kernel_container import kernel_container
@@ -90,7 +91,7 @@ class SoftSpheres:
         # large spheres touch many small ones: with masses by surface, all have vibrations of one period
         self.lightness: Floats = np.ones(n)
         if n:
-            self.lightness = 1.0 / np.maximum((self.radii / self.radii.mean()) ** (self.dimension - 1), 1.0)
+            self.lightness = 1.0 / np.maximum(libm.power(self.radii / self.radii.mean(), self.dimension - 1), 1.0)
         self.ended, self.done_steps, self.jams = n == 0, 0, False
         self.iterations = max(1, min(MOST_ITERATIONS, WORK // max(n, 1)))
         self.most_steps = ROUNDS * -(-ROUND // self.iterations)
@@ -176,7 +177,7 @@ class SoftSpheres:
         i = np.repeat(np.arange(len(at)), np.diff(pairs.first))
         j, image = (values[: len(i)].astype(np.int64) for values in (pairs.other, pairs.image))
         radii = self.radii * self.strict
-        gap = np.linalg.norm(at[j] + pairs.shift[image] - at[i], axis=1) - radii[i] - radii[j]
+        gap = linear.norm(at[j] + pairs.shift[image] - at[i], axis=1) - radii[i] - radii[j]
         wall = pairs.near_wall
         wall_gap = -np.asarray(self.container.signed_distance(at[wall])) - radii[wall]
         return NearPairs(len(at), self.dimension, i, j, gap, wall, wall_gap)
@@ -310,7 +311,7 @@ class SoftSpheres:
         away = -np.asarray(self.container.signed_distance(asked.reshape(-1, 3))).reshape(len(asked), len(points))
         normal = np.zeros((len(points), 3))
         normal[:, : self.dimension] = (away[1 : self.dimension + 1] - away[self.dimension + 1 :]).T
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        normal /= np.maximum(linear.norm(normal, axis=1), 1e-300)[:, None]
         return np.column_stack([away[0], normal])
 
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL, PUSH
 from voxgran.settling.bed import Bed
@@ -88,4 +89,4 @@ def _excess_pressure(bed: Bed, substep: float) -> float:
     row: Floats = bed.rows.row[: bed.m]
     apart = ((row[:, ARM_I:ARM_J] - row[:, ARM_J:GAP]) * row[:, NORMAL:ARM_I]).sum(axis=1)
     kinetic = bed.assembly.dimension * int(bed.movable.sum()) * SPEED**2
-    return max(float(row[:, PUSH] @ apart) / (substep * kinetic), 0.0)
+    return max(float(linear.matmul(row[:, PUSH], apart)) / (substep * kinetic), 0.0)

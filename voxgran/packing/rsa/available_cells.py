@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm
 from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
@@ -219,7 +220,7 @@ def deepest_cut(classes: Classes, boxes: bool) -> Integers:
 
 def _cuts_of_lattice(classes: Classes) -> Integers:
     """Return how often the cells of each class can be halved."""
-    return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
+    return np.floor(libm.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
 
 
 class Throws(NamedTuple):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer
@@ -46,7 +47,7 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
     """Return the level of each grain by its largest half extent (n, axes); 0 is that of the largest grain."""
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
-    exact = np.log2(largest / size) if len(size) else np.zeros(0)
+    exact = libm.log2(largest / size) if len(size) else np.zeros(0)
     return np.clip(np.floor(exact + WHOLE), 0, LEVELS - 1).astype(np.int8)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
@@ -229,7 +230,7 @@ def sizes_of(half: Floats, most: int | None = None) -> Integers:
     rows, kind = rows.reshape(-1, half.shape[1]), kind.reshape(-1)
     if most is None or len(rows) <= most:
         return kind
-    size = np.log(np.maximum(rows, 1e-12)).mean(axis=1)
+    size = libm.log(np.maximum(rows, 1e-12)).mean(axis=1)
     share = (size - size.min()) / (size.max() - size.min())
     classes = np.minimum((share * most).astype(np.int64), most - 1)
     _, classes = np.unique(classes, return_inverse=True)

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -124,10 +125,13 @@ def gasket_of(problem: Problem) -> Gasket:
 def _of_round(problem: Problem, wall: Round) -> Gasket:
     """Return the gasket of a disk or a sphere, turned at random."""
     dimension, radius = problem.dimension, wall.radius
-    matrix, triangle = np.linalg.qr(stream(problem.seed, "turn").normal(size=(dimension, dimension)))
-    turn = matrix * np.sign(np.diag(triangle))
+    u, _, v = linear.svd(stream(problem.seed, "turn").normal(size=(dimension, dimension)))
+    # the nearest orthogonal matrix has the same distribution from each side
+    turn = linear.matmul(u, v)
     middle = np.array(wall.center[:dimension])
-    return Gasket(radius, lambda most: in_sphere(dimension, most), lambda place: middle + radius * place @ turn.T)
+    return Gasket(
+        radius, lambda most: in_sphere(dimension, most), lambda place: middle + linear.matmul(radius * place, turn.T)
+    )
 
 
 def _of_strip(problem: Problem) -> Gasket:
@@ -199,7 +203,7 @@ def _up_to(gasket: Gasket, most: float) -> Floats:
 def _volumes(problem: Problem, gasket: Gasket, rows: Floats) -> Floats:
     """Return the volumes of the grains in the spheres, of which the largest are the first grains."""
     radius = gasket.size / rows[: problem.count, 0]
-    return np.asarray(problem.unit_volumes[: len(radius)] * radius**problem.dimension)
+    return np.asarray(problem.unit_volumes[: len(radius)] * libm.power(radius, problem.dimension))
 
 
 def _fraction(problem: Problem, gasket: Gasket, rows: Floats) -> float:

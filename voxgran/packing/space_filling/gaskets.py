@@ -12,13 +12,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Words
 from voxgran._base.stopping import stop_if_asked
 
 
 def row_of(center: Floats, radius: float) -> Floats:
     """Return the coordinates of a sphere of center (d,); a negative radius stands for one that holds the others."""
-    square = float(center @ center) - radius**2
+    square = float(linear.matmul(center, center)) - radius**2
     return np.concatenate([[1.0 / radius], center / radius, [square / radius]])
 
 
@@ -31,11 +32,11 @@ def in_sphere(dimension: int, most: float) -> Iterator[Floats]:
     """Return the spheres in the unit sphere around d + 1 equal ones, up to a curvature: rows, in parts."""
     if dimension == 2:
         angles = 2.0 * math.pi * np.arange(3) / 3.0
-        corners = np.column_stack([np.cos(angles), np.sin(angles)])
+        corners = np.column_stack([libm.cos(angles), libm.sin(angles)])
     else:
         corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
     # the corners of a simplex are by this factor farther apart than from its middle
-    edge = float(np.linalg.norm(corners[0] - corners[1]))
+    edge = float(linear.norm(corners[0] - corners[1]))
     radius = edge / (2.0 + edge)
     rows = [row_of(corner * (1.0 - radius), radius) for corner in corners]
     first = np.array([*rows, row_of(np.zeros(dimension), -1.0)])
@@ -60,16 +61,16 @@ def in_strip(most: float) -> Iterator[Floats]:
 def in_triangle(corners: Floats, most: float) -> Iterator[Floats]:
     """Return the circles in a triangle (3, 2): the inscribed one, those toward the corners, those between."""
     edges = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(edges, axis=1)
+    lengths = linear.norm(edges, axis=1)
     turn = float(np.sign(edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0]))
     normals = turn * np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
     opposite = np.roll(lengths, -1)
-    middle = opposite @ corners / lengths.sum()
-    inside = float((corners[0] - middle) @ normals[0])
+    middle = linear.matmul(opposite, corners) / lengths.sum()
+    inside = float(linear.matmul(corners[0] - middle, normals[0]))
     yield row_of(middle, inside)[None] if 1.0 / inside <= most else np.zeros((0, 4))
     for corner in range(3):
         way = middle - corners[corner]
-        sine = inside / float(np.linalg.norm(way))
+        sine = inside / float(linear.norm(way))
         ratio = (1.0 - sine) / (1.0 + sine)
         radius, chain = inside, [row_of(middle, inside)]
         while 1.0 / (radius * ratio) <= most:
@@ -77,7 +78,7 @@ def in_triangle(corners: Floats, most: float) -> Iterator[Floats]:
             chain.append(row_of(corners[corner] + way * (radius / inside), radius))
         yield np.array(chain[1:]).reshape(-1, 4)
         for side in (corner, (corner - 1) % 3):
-            line = line_of(normals[side], float(normals[side] @ corners[corner]))
+            line = line_of(normals[side], float(linear.matmul(normals[side], corners[corner])))
             gaps = [[_between(line, big, small), line, big, small] for big, small in itertools.pairwise(chain)]
             # beyond the last of a chain there are gaps that are larger than what it leaves at the corner
             rest = row_of(corners[corner] + way * (radius * ratio / inside), radius * ratio)
@@ -93,9 +94,9 @@ def _between(line: Floats, big: Floats, small: Floats) -> Floats:
     radius = 1.0 / (math.sqrt(big[0]) + math.sqrt(small[0])) ** 2
     normal, offset = line[1:3], 0.5 * line[3]
     feet = [row[1:3] / row[0] + normal / row[0] for row in (big, small)]
-    share = math.sqrt(radius / big[0]) * 2.0 / float(np.linalg.norm(feet[1] - feet[0]))
+    share = math.sqrt(radius / big[0]) * 2.0 / float(linear.norm(feet[1] - feet[0]))
     foot = feet[0] + share * (feet[1] - feet[0])
-    foot += (offset - float(normal @ foot)) * normal
+    foot += (offset - float(linear.matmul(normal, foot))) * normal
     return row_of(foot - radius * normal, radius)
 
 

@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import philox_key
@@ -183,7 +184,7 @@ def _set_clock(problem: Problem, state: State) -> None:
     low, high = float(clock[0]), float(clock[0]) + 1.0
 
     def volume(time: float) -> float:
-        return float((made.growth.volume[new] * _radii(state, time)[new] ** problem.dimension).sum())
+        return float((made.growth.volume[new] * libm.power(_radii(state, time)[new], problem.dimension)).sum())
 
     while volume(high) < made.asked:
         high += high - low

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
@@ -118,7 +119,7 @@ def seconds_of_fraction(problem: Problem, scale: Floats, asked: float) -> float:
     The volume that is left falls as a power of the number of grains, here from a quarter of the first grains to all.
     """
     volume = np.array([shape.volume for shape in problem.shapes])[problem.shape_id[: len(scale)]]
-    left = problem.container.volume - np.cumsum(volume * scale**problem.dimension)
+    left = problem.container.volume - np.cumsum(volume * libm.power(scale, problem.dimension))
     end = (left[problem.started - 1] if problem.started else problem.container.volume) - asked
     fall = math.log(left[-1] / max(end, SMALLEST_LEFT * left[-1])) / math.log(left[len(left) // 4] / left[-1])
     return min(len(left) * 4.0 ** min(fall, 99.0), problem.count) * _grain_seconds(problem)
@@ -128,7 +129,7 @@ def _grain_seconds(problem: Problem) -> float:
     """Return the expected CPU time of a grain."""
     parts, settings = max(part_count(shape) for shape in problem.shapes), problem.parameters
     moves = 1.0 + MOVE_SHARE * settings.shift + ROTATION_SHARE * settings.rotate
-    return (GRAIN_SECONDS + PART_SECONDS * (parts - 1.0) ** PART_POWER) * moves
+    return (GRAIN_SECONDS + PART_SECONDS * libm.power(parts - 1.0, PART_POWER)) * moves
 
 
 @kernel

@@ -6,6 +6,7 @@ the wall, which are looked up again wherever a sphere reaches too far.
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of, periods_of
@@ -159,7 +160,7 @@ def next_places(spheres: Floats, normals: Floats, walls: Walls, most: float) -> 
     free = np.flatnonzero(~held)
     owner = np.concatenate([np.nonzero(use)[0], np.repeat(free, len(axes))])
     way = np.concatenate([toward[use], np.tile(axes, (len(free), 1))])
-    length = np.linalg.norm(way, axis=1)
+    length = linear.norm(way, axis=1)
     owner, way = owner[length > 0.0], (way / np.where(length > 0.0, length, 1.0)[:, None])[length > 0.0]
     radius = spheres[owner, 3]
     rows = np.zeros((len(owner), COLUMNS))
@@ -178,7 +179,7 @@ def last_places(spheres: Floats, walls: Walls, smallest: float, most: float) -> 
     rows = with_images(spheres, np.zeros(3), walls.lengths, walls.container.periodic, reach)
     cells = triangulated_by_tiles(rows, dimension, TILE * walls.thickness, reach)
     middle = rows[cells, :3].mean(axis=1)
-    radius = np.linalg.norm(rows[cells, :3] - middle[:, None], axis=2) - rows[cells, 3]
+    radius = linear.norm(rows[cells, :3] - middle[:, None], axis=2) - rows[cells, 3]
     use = (
         (radius.max(axis=1) >= smallest)
         & (middle >= 0.0).all(axis=1)

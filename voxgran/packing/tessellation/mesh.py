@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
@@ -71,7 +72,7 @@ def _gradient(container: Container, points: Floats, size: float) -> Floats:
         step[axis] = STEP * size
         ahead, behind = container.signed_distance(points + step), container.signed_distance(points - step)
         away[:, axis] = (np.asarray(ahead) - np.asarray(behind)) / (2.0 * STEP * size)
-    length = np.linalg.norm(away, axis=1)
+    length = linear.norm(away, axis=1)
     return np.asarray(away / np.maximum(length, 0.5)[:, None])
 
 
@@ -224,10 +225,10 @@ def _size(corners: Floats) -> Floats:
     """Return lengths, areas or volumes of cells of (m, 2, 3 or 4, 3) corners."""
     along = corners[:, 1:] - corners[:, :1]
     if along.shape[1] == 1:
-        return np.asarray(np.linalg.norm(along[:, 0], axis=1))
+        return np.asarray(linear.norm(along[:, 0], axis=1))
     cross = np.cross(along[:, 0], along[:, 1])
     if along.shape[1] == 2:
-        return np.asarray(0.5 * np.linalg.norm(cross, axis=1))
+        return np.asarray(0.5 * linear.norm(cross, axis=1))
     return np.asarray(np.abs((cross * along[:, 2]).sum(axis=1)) / 6.0)
 
 

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers, check_coordinates
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError
@@ -252,7 +253,7 @@ def _as_asked(problem: Problem, spheres: Floats, more: Floats, smallest: float) 
         return more
     more = more[: last + 1].copy()
     own = volume[enough] - (volume[enough - 1] if enough else 0.0)
-    part = (1.0 - (volume[enough] - wanted) / own) ** (1.0 / problem.dimension)
+    part = libm.power(1.0 - (volume[enough] - wanted) / own, 1.0 / problem.dimension)
     more[last, 3] = max(part * more[last, 3], smallest)
     return more
 
@@ -265,7 +266,7 @@ def _added(problem: Problem, spheres: Floats) -> Floats:
 def volumes_of(problem: Problem, radius: Floats) -> Floats:
     """Return the true volumes of the grains in spheres of these radii."""
     shapes = np.array([shape.volume / shape.bounding_radius**problem.dimension for shape in problem.shapes])
-    return np.asarray(shapes[problem.shape_id[: len(radius)]] * radius**problem.dimension)
+    return np.asarray(shapes[problem.shape_id[: len(radius)]] * libm.power(radius, problem.dimension))
 
 
 def _look(problem: Problem, state: State) -> None:

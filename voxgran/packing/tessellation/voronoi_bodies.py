@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.convex_bodies import convex_bodies
@@ -52,7 +53,7 @@ class Poses(NamedTuple):
 def poses_of(shapes: Sequence[Shape], shape_id: Integers, arm: Floats, turn: Floats, size: Floats) -> Poses:
     """Return grains with centroids `arm` (n, 3) from their seeds, quaternions `turn` (n, 4) and diameters, (n,)."""
     radius = np.array([shape.bounding_radius for shape in shapes])
-    bound = np.linalg.norm(arm, axis=1) + size * radius[shape_id]
+    bound = linear.norm(arm, axis=1) + size * radius[shape_id]
     farthest = np.array([0.0, 0.0, 0.0, bound.max(initial=0.0)])
     matrices = np.ascontiguousarray(rotation_matrices(turn).reshape(-1, 9))
     return Poses(np.asarray(shape_id, dtype=np.int64), arm.copy(), matrices, size.copy(), bound, farthest)

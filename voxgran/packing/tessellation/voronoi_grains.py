@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -47,8 +48,8 @@ def largest_factor(shape: Shape, walls: KernelContainer) -> float:
     arms[:, : shape.vertices.shape[1]] = shape.vertices
     arms, away = arms[:, :axes], (np.array(shape.offset) - walls.middle)[:axes]
     # |away + t arm|**2 = radius**2 for the largest t
-    a, b = (arms**2).sum(axis=1), arms @ away
-    room = walls.radius**2 - away @ away
+    a, b = (arms**2).sum(axis=1), linear.matmul(arms, away)
+    room = walls.radius**2 - linear.matmul(away, away)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = room / (b + np.sqrt(np.maximum(b * b + a * room, 0.0)))
     return float(min(1.0, np.where(a > 0.0, t, math.inf).min())) if room > 0.0 else 0.0

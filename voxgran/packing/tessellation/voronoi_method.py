@@ -28,6 +28,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning, warn
@@ -220,13 +221,13 @@ def _fit(problem: Problem, state: State, made: Precomputed, many: int) -> int:
 def _end_round(problem: Problem, state: State) -> None:
     """Take over the places that were found, and decide whether there is another round, and up to which sizes."""
     arrays, tally, dimension = state.arrays, state.arrays["tally"], problem.dimension
-    before = float((arrays["size"] ** dimension).sum())
+    before = float(libm.power(arrays["size"], dimension).sum())
     for name in ("arm", "turn", "size"):
         arrays[name] = arrays[f"next_{name}"].copy()
     n = len(arrays["size"])
-    each = problem.volumes[:n] / problem.diameter[:n] ** dimension
-    volume, wanted = float((each * arrays["size"] ** dimension).sum()), float(problem.volumes[:n].sum())
-    gain = float((arrays["size"] ** dimension).sum()) - before
+    each = problem.volumes[:n] / libm.power(problem.diameter[:n], dimension)
+    volume, wanted = float((each * libm.power(arrays["size"], dimension)).sum()), float(problem.volumes[:n].sum())
+    gain = float(libm.power(arrays["size"], dimension).sum()) - before
     rounds, stuck = problem.parameters.rounds, gain <= LITTLE * before
     first_over = stuck or tally[ROUND] >= rounds
     over = first_over
@@ -252,7 +253,7 @@ def _reason(problem: Problem, state: State) -> str:
     if problem.parameters.fill == "cells":
         return "solid_fraction"
     n = len(state.arrays["size"])
-    largest = problem.volumes[:n] * (state.arrays["size"] / problem.diameter[:n]) ** problem.dimension
+    largest = problem.volumes[:n] * libm.power(state.arrays["size"] / problem.diameter[:n], problem.dimension)
     return "solid_fraction" if largest.sum() >= problem.volumes[:n].sum() * (1.0 - 1e-9) else "full"
 
 
@@ -266,8 +267,8 @@ def finish(problem: Problem, state: State) -> Packing:
     arrays = state.arrays
     placed = np.flatnonzero(arrays["size"] > 0.0)
     drawn, size = problem.diameter[placed], arrays["size"][placed]
-    unit = problem.volumes[placed] / drawn**problem.dimension
-    factor = _factor(problem, unit * size**problem.dimension, problem.volumes[placed])
+    unit = problem.volumes[placed] / libm.power(drawn, problem.dimension)
+    factor = _factor(problem, unit * libm.power(size, problem.dimension), problem.volumes[placed])
     kept = np.minimum(size, factor ** (1.0 / problem.dimension) * drawn)
     short = size < drawn * (1.0 - 1e-9)
     if state.stop_reason == "count" and short.any():
@@ -332,8 +333,8 @@ def _finish_cells(problem: Problem, state: State) -> Packing:
     volume = np.array([shape.volume for shape in shapes])
     most = np.array([largest_factor(shape, cells.walls) for shape in shapes]) * (1.0 - MARGIN)
     drawn = problem.volumes[placed]
-    factor = _factor(problem, most**dimension * volume, drawn)
-    scale = np.minimum(most, (factor * drawn / volume) ** (1.0 / dimension))
+    factor = _factor(problem, libm.power(most, dimension) * volume, drawn)
+    scale = np.minimum(most, libm.power(factor * drawn / volume, 1.0 / dimension))
     center = np.array([shape.offset for shape in shapes]).reshape(-1, 3) + problem.container.bounds[0]
     kept = scale * np.array([shape.diameter for shape in shapes])
     grains = [shape.scaled(unit * float(size)) for shape, size in zip(shapes, scale, strict=True)]

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
-from voxgran._base.compiling.threads import one_blas_thread
 from voxgran._base.lazy import load
 from voxgran.packing.method import State
 from voxgran.packing.tessellation.voronoi_cells import Cells, Diagram, seeds_of
@@ -78,7 +78,7 @@ def most_diagrams(smoothing: int) -> int:
 
 def _wanted(share: Floats, steps: int, smoothing: int) -> Floats:
     """Return the shares of all cells in the volume at a step: at first alike, and as asked after half of the moves."""
-    grown = share ** min(1.0, (steps + 1.0) / (EVEN * smoothing + 1.0))
+    grown = libm.power(share, min(1.0, (steps + 1.0) / (EVEN * smoothing + 1.0)))
     return np.asarray(grown / grown.sum())
 
 
@@ -128,11 +128,6 @@ def weight_steps(diagram: Diagram, volumes: Floats) -> Floats:
     one_way = sparse.csr_array((diagram.slope, diagram.beyond, diagram.start), shape=(n, n))
     # at round walls and at corners of the container, the two sides of a face differ a little
     matrix = load("scipy.sparse.csgraph").laplacian((one_way + one_way.T) / 2.0).tocsr()
-    diagonal, lacking = matrix.diagonal(), volumes - diagram.volume
-    scaled = sparse.diags_array(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
-    # the same bits whatever the number of threads of BLAS
-    with one_blas_thread():
-        steps, _ = load("scipy.sparse.linalg").cg(
-            matrix, lacking - lacking.mean(), rtol=RESIDUAL, maxiter=ITERATIONS, M=scaled
-        )
+    lacking = volumes - diagram.volume
+    steps = linear.conjugate_gradient(matrix, lacking - lacking.mean(), relative=RESIDUAL, most=ITERATIONS)
     return np.asarray(steps - steps.mean())

@@ -11,6 +11,7 @@ from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran._base.calls import explained
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.progress import OnStep
+from voxgran._base.scalars import cube_root
 from voxgran.containers.kinds.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
@@ -133,7 +134,7 @@ def packing_of_labels(
         unit=unit,
         gravity=gravity,
         # a larger gap, as by the longest edge, would count pairs that are open across the shorter ones
-        contact_gap=float(np.cbrt(size.prod())),
+        contact_gap=cube_root(float(size.prod())),
     )
     if packing.gravity is None and gravity is None:
         _warn_of_room(packing)

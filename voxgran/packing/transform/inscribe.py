@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -107,7 +108,7 @@ def inscribe(
     )
     # the sphere around a shape of size 1 is mapped to the sphere of the grain
     scale = packing.bounding_radii / spheres[inscribed.shape_id, 3]
-    beside = np.einsum("nij,nj->ni", rotation_matrices(turns), spheres[inscribed.shape_id, :3])
+    beside = linear.einsum("nij,nj->ni", rotation_matrices(turns), spheres[inscribed.shape_id, :3])
     # each grain keeps the density of its sphere
     shapes, chosen, density = inscribed.shapes, inscribed.shape_id, packing.density
     if isinstance(density, tuple):
@@ -131,7 +132,7 @@ def _turns(generator: np.random.Generator, n: int, dimension: int) -> Floats:
     if dimension == 3:
         return random_rotations(generator, n)
     half = np.pi * generator.random(n)
-    return normalized(np.column_stack([np.cos(half), np.zeros((n, 2)), np.sin(half)]))
+    return normalized(np.column_stack([libm.cos(half), np.zeros((n, 2)), libm.sin(half)]))
 
 
 def _sphere_around(shape: Shape) -> tuple[float, float, float, float]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
@@ -151,10 +152,10 @@ def _surface_height(problem: Problem, positions: Floats) -> tuple[float, int]:
     anywhere, all grains count.
     """
     gravity = gravity_vector(problem)
-    height, entry = -(positions @ main_axis(gravity)), entry_of(problem, gravity)
+    height, entry = -linear.matmul(positions, main_axis(gravity)), entry_of(problem, gravity)
     if entry.any():
         radius = problem.bounding_radii
-        top = float(np.max(-(np.array(problem.container.bounds) @ entry)))
+        top = float(np.max(-linear.matmul(np.array(problem.container.bounds), entry)))
         height = np.maximum(height - (top - 4.0 * float(radius.max())), 0.0)
         return float(height.sum()), int(np.count_nonzero(height))
     return float(height.sum()), len(height)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.io.image import to_image
 from voxgran.lattice.along_lines import chord_lengths, two_point_correlation
@@ -118,7 +119,7 @@ def _of_shapes(sample: Sample) -> tuple[Values, Values]:
     """Return what is known of shapes alone, and its scatter."""
     forms = describe(sample.shapes, FORMS)
     sizes = np.array([shape.diameter for shape in sample.shapes])
-    grains = {"weight": sample.weights, "diameter": sizes, "volume": np.pi / 6 * sizes**3}
+    grains = {"weight": sample.weights, "diameter": sizes, "volume": np.pi / 6 * libm.power(sizes, 3)}
     grains |= {name: np.asarray(forms[name].values, dtype=np.float64) for name in FORMS}
     turn = np.arange(len(sizes)) % BLOCKS
     parts = [_grain_values(grains, turn == k) for k in range(BLOCKS)]
@@ -183,7 +184,7 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     forms = _forms(packing, sample, weights)
     axes, owner = long_axes(packing)
     along = np.full((packing.count, 3), np.nan)
-    along[owner] = axes / np.linalg.norm(axes, axis=1)[:, None]
+    along[owner] = axes / linear.norm(axes, axis=1)[:, None]
     grains = {
         "place": packing.position, "weight": weights, "diameter": packing.diameters, "volume": packing.volumes,
         "coordination_number": number.astype(np.float64),
@@ -297,6 +298,6 @@ def _passing(sizes: Floats, volumes: Floats, shares: Floats) -> Floats:
     """Return the sizes that shares of the volume pass."""
     if not len(sizes):
         return np.full(len(shares), np.nan)
-    order = np.argsort(sizes)
+    order = np.argsort(sizes, kind="stable")
     reached = np.cumsum(volumes[order]) - volumes[order] / 2.0
     return np.interp(shares, reached / volumes.sum(), sizes[order])

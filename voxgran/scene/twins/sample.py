@@ -41,7 +41,7 @@ class Sample:
     def laid_sizes(self, count: int) -> Floats:
         """Return the diameters (count,), in order, at the middles of equal shares of the distribution by number."""
         sizes = np.array([shape.diameter for shape in self.shapes])
-        order = np.argsort(sizes)
+        order = np.argsort(sizes, kind="stable")
         share = np.cumsum(self.weights[order]) - self.weights[order] / 2.0
         laid: Floats = np.interp((np.arange(count) + 0.5) / count, share / self.weights.sum(), sizes[order])
         return laid

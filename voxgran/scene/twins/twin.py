@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
 from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import InputError
@@ -279,7 +279,7 @@ class TwinRequest:
         gravity = None if sample.packing is None else sample.packing.gravity
         usual = "compress" if gravity is None else "gravity"
         how = as_choice(usual if protocol is None else protocol, "protocol", PROTOCOLS)
-        mean = float((np.pi / 6 * sample.laid_sizes(1000) ** 3).mean())
+        mean = float((np.pi / 6 * libm.power(sample.laid_sizes(1000), 3)).mean())
         if count is None and container is not None:
             count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
             if count < 1:
@@ -292,7 +292,7 @@ class TwinRequest:
         different = min(as_count(forms, "forms", at_least=1), many)
         if how == "gravity" and gravity is not None:
             parameters.setdefault("gravity", tuple(gravity))
-        volume = float((np.pi / 6 * sample.laid_sizes(many) ** 3).sum()) / wanted
+        volume = float((np.pi / 6 * libm.power(sample.laid_sizes(many), 3)).sum()) / wanted
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
         first = as_count(seed, "seed")
         most = as_count(faces, "faces", at_least=FEWEST)

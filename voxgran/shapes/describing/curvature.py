@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.describing.inscribed import inscribed_radius
@@ -123,15 +124,15 @@ def _bends_of_ellipsoid(semi_axes: tuple[float, ...]) -> Bends:
     step = math.asinh(1 / c) / RINGS
     turn = (np.arange(RINGS)[:, None] + 0.5) * step
     around = (np.arange(AROUND) + 0.5) * (math.pi / 2 / AROUND)
-    z = c * np.sinh(turn)
+    z = c * libm.sinh(turn)
     flat = np.sqrt(1 - z**2)
-    x, y = flat * np.cos(around), flat * np.sin(around)
+    x, y = flat * libm.cos(around), flat * libm.sin(around)
     # distance of the tangent plane from the center; mean and Gaussian curvature
     plane = 1 / np.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2)
     squares = a**2 + b**2 + c**2 - (a * x) ** 2 - (b * y) ** 2 - (c * z) ** 2
-    mean, gauss = plane**3 * squares / (2 * (a * b * c) ** 2), plane**4 / (a * b * c) ** 2
+    mean, gauss = libm.power(plane, 3) * squares / (2 * (a * b * c) ** 2), libm.power(plane, 4) / (a * b * c) ** 2
     curvature = (mean + np.sqrt(np.maximum(mean**2 - gauss, 0.0))).ravel()
-    area = (a * b * c / plane * c * np.cosh(turn) * step * (math.pi / 2 / AROUND)).ravel()
+    area = (a * b * c / plane * c * libm.cosh(turn) * step * (math.pi / 2 / AROUND)).ravel()
     return Bends(area * longest**2, area * curvature * longest, curvature / longest, np.zeros(len(area)))
 
 
@@ -139,8 +140,8 @@ def _bends_of_outline(corners: Floats) -> Bends:
     """Return the surroundings of the corners of a polygon; sharp ones have no length."""
     edges = np.roll(corners, -1, axis=0) - corners
     before = np.roll(edges, 1, axis=0)
-    angle = np.arctan2(before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0], (before * edges).sum(axis=1))
-    lengths = np.linalg.norm(edges, axis=1)
+    angle = libm.arctan2(before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0], (before * edges).sum(axis=1))
+    lengths = linear.norm(edges, axis=1)
     length = (lengths + np.roll(lengths, 1)) / 2
     sharp = angle > np.radians(SHARP)
     curvature = np.where(sharp, np.inf, angle / length)
@@ -170,18 +171,18 @@ def edges_of_mesh(vertices: Floats, faces: Integers) -> Edges:
     """Return the edges of a closed mesh, and the angles between its triangles."""
     triangles = vertices[faces]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    doubled = np.linalg.norm(normals, axis=1)
+    doubled = linear.norm(normals, axis=1)
     normals /= np.maximum(doubled, 1e-300)[:, None]
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     key = np.minimum(begin, end) * len(vertices) + np.maximum(begin, end)
     order = np.argsort(key, kind="stable")
     one, two = order[0::2], order[1::2]
     along = vertices[end[one]] - vertices[begin[one]]
-    length = np.linalg.norm(along, axis=1)
+    length = linear.norm(along, axis=1)
     along /= np.maximum(length, 1e-300)[:, None]
     first, second = normals[one // 3], normals[two // 3]
     # an edge bulges where the normals turn away from each other along it
-    angle = np.arctan2((np.cross(first, second) * along).sum(axis=1), (first * second).sum(axis=1))
+    angle = libm.arctan2((np.cross(first, second) * along).sum(axis=1), (first * second).sum(axis=1))
     return Edges(begin, end, one, two, along, length, angle, first, second, doubled)
 
 
@@ -206,7 +207,7 @@ def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
     for a, b in ((begin[one], end[one]), (end[one], begin[one])):
         np.add.at(around, a, tensor[b])
         np.add.at(room, a, area[b])
-    curvature = np.linalg.eigvalsh(around)[:, 2] / np.maximum(room, 1e-300)
+    curvature = linear.eigh(around)[0][:, 2] / np.maximum(room, 1e-300)
     coarse = _coarse(np.stack([begin[one], end[one]], axis=1), angle, length, len(vertices))
     if len(faces) <= POLYHEDRON:
         coarse[:] = 0.0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran.geometry.orientation_laws.law import OrientationLaw, axis_in
 from voxgran.shapes.mesh import Surface
@@ -23,19 +24,19 @@ def principal_extents(shape: Shape) -> Floats:
     """
     geometry = shape.geometry
     inertia = geometry.area_inertia if isinstance(geometry, Surface) else shape.inertia
-    axes = np.linalg.eigh(inertia)[1].T
+    axes = linear.eigh(inertia)[1].T
     if shape.dimension == 2:
         # the polar axis is the largest moment; the extents lie in the plane
-        axes = np.array([[*axis[:2], 0.0] for axis in np.linalg.eigh(inertia[:2, :2])[1].T])
+        axes = np.array([[*axis[:2], 0.0] for axis in linear.eigh(inertia[:2, :2])[1].T])
     if isinstance(geometry, Primitive):
-        high = np.einsum("ij,ij->i", geometry.support(axes), axes)
-        low = np.einsum("ij,ij->i", geometry.support(-axes), axes)
+        high = linear.einsum("ij,ij->i", geometry.support(axes), axes)
+        low = linear.einsum("ij,ij->i", geometry.support(-axes), axes)
     elif isinstance(geometry, Spheres):
-        along = geometry.centers @ axes.T
+        along = linear.matmul(geometry.centers, axes.T)
         high = (along + geometry.radii[:, None]).max(axis=0)
         low = (along - geometry.radii[:, None]).min(axis=0)
     else:
-        along = shape.vertices @ axes.T
+        along = linear.matmul(shape.vertices, axes.T)
         high, low = along.max(axis=0), along.min(axis=0)
     extents = np.zeros(3)
     extents[: len(axes)] = np.sort(high - low)[::-1]
@@ -55,7 +56,7 @@ def principal_axis(shape: Shape, which: str = "long") -> Floats | None:
     geometry = shape.geometry
     inertia = geometry.area_inertia if isinstance(geometry, Surface) else shape.inertia
     d = shape.dimension
-    moments, axes = np.linalg.eigh(inertia[:d, :d])
+    moments, axes = linear.eigh(inertia[:d, :d])
     one, next_to_it = (0, 1) if which == "long" else (-1, -2)
     if abs(moments[one] - moments[next_to_it]) <= DISTINCT * moments[-1]:
         return None

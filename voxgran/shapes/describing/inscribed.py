@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -87,7 +88,7 @@ def _of_tree(tree: TriangleTree, *, axes: int) -> float:
         if level:
             half = half / 2
             places = (places[:, None] + children * half).reshape(-1, axes)
-        reach = float(np.linalg.norm(half))
+        reach = float(linear.norm(half))
         depth = _depths(tree, places, reach, best)
         deepest = int(depth.argmax())
         if depth[deepest] > best:
@@ -131,7 +132,7 @@ def _local_maximum(tree: TriangleTree, center: Floats, depth: float, trust: floa
         # the center moves by at most sqrt(3) trust, and depths change by no more than that
         count = _find_near(at[0], at[1], at[2], *tree.arrays[:4], depth + 2 * math.sqrt(3) * trust, near)
         away = at - near[:count]
-        distance = np.linalg.norm(away, axis=1)
+        distance = linear.norm(away, axis=1)
         step, _ = _best_step((away / distance[:, None])[:, : len(center)], (distance - depth) / trust)
         moved = center + trust * step
         deeper = float(_depths(tree, moved[None], 0.0, 0.0)[0])
@@ -160,7 +161,7 @@ def _best_step(ways: Floats, spare: Floats) -> tuple[Floats, float]:
         found = solve(cost, A_ub=rows[used], b_ub=spare[used], bounds=bounds, method="highs-ds").x
         if found is None:
             return np.zeros(axes), float(spare.min())
-        excess = rows @ found - spare
+        excess = linear.matmul(rows, found) - spare
         excess[used] = 0.0
         worst = np.argsort(-excess, kind="stable")[:ADDED]
         worst = worst[excess[worst] > LEAST_GAIN]

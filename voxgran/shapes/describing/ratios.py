@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
@@ -58,12 +59,12 @@ def principal_lengths(shape: Shape) -> Floats:
     if hull.shape[1] == 2:
         return np.array([*sorted(_rectangle(hull)[0], reverse=True), 0.0])
     turns = rotation_matrices(random_rotations(stream(0, "boxes"), TRIED))
-    turns = np.concatenate([np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)[2][None], turns])
+    turns = np.concatenate([linear.svd(hull - hull.mean(axis=0))[2][None], turns])
     turns = turns[np.argsort(_volumes(hull, turns), kind="stable")[:TURNED]]
     ways = np.indices((3, 3, 3)).reshape(3, -1).T - 1.0
     for level in range(HALVED):
         small = normalized(np.column_stack([np.ones(len(ways)), ANGLE / 2 ** (level + 1) * ways]))
-        near = (rotation_matrices(small)[None] @ turns[:, None]).reshape(-1, 3, 3)
+        near = linear.matmul(rotation_matrices(small)[None], turns[:, None]).reshape(-1, 3, 3)
         best = _volumes(hull, near).reshape(len(turns), -1).argmin(axis=1)
         turns = near.reshape(len(turns), -1, 3, 3)[np.arange(len(turns)), best]
     order = np.argsort(_volumes(hull, turns), kind="stable")[:IMPROVED]
@@ -74,15 +75,15 @@ def principal_lengths(shape: Shape) -> Floats:
 def corners_of_hull(points: Floats) -> Floats:
     """Return the points (n, 3) that are corners of the convex hull; of points in a plane, (n, 2) in its coordinates."""
     middle = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - middle, full_matrices=False)
+    _, spread, axes = linear.svd(points - middle)
     if spread[2] <= 1e-12 * spread[0]:
-        return np.asarray((points - middle) @ axes[:2].T)
+        return np.asarray(linear.matmul(points - middle, axes[:2].T))
     return np.asarray(points[load("scipy.spatial").ConvexHull(points).vertices])
 
 
 def _edges(points: Floats, turns: Floats) -> Floats:
     """Return the edges (m, 3) of the boxes around points along the rows of rotation matrices (m, 3, 3)."""
-    along = turns @ points.T
+    along = linear.matmul(turns, points.T)
     return np.asarray(along.max(axis=2) - along.min(axis=2))
 
 
@@ -96,7 +97,7 @@ def _rectangle(points: Floats) -> tuple[Floats, Floats]:
     """Return the edges (2,) of the smallest rectangle around points in the plane, and the direction of the first."""
     corners = points[load("scipy.spatial").ConvexHull(points).vertices]
     sides = np.roll(corners, -1, axis=0) - corners
-    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    sides /= linear.norm(sides, axis=1, keepdims=True)
     edges = _edges(corners, np.stack([sides, np.column_stack([-sides[:, 1], sides[:, 0]])], axis=1))
     best = int(np.argmin(edges.prod(axis=1)))
     return edges[best], sides[best]
@@ -107,7 +108,7 @@ def _improved(points: Floats, turn: Floats) -> Floats:
     edges, axis, since = _edges(points, turn[None])[0], 0, 0
     for _ in range(MOST_STEPS):
         one, two = turn[(axis + 1) % 3], turn[(axis + 2) % 3]
-        (wide, deep), way = _rectangle(np.column_stack([points @ one, points @ two]))
+        (wide, deep), way = _rectangle(np.column_stack([linear.matmul(points, one), linear.matmul(points, two)]))
         smaller = wide * deep < edges[(axis + 1) % 3] * edges[(axis + 2) % 3] * (1 - 1e-12)
         if smaller:
             first = way[0] * one + way[1] * two

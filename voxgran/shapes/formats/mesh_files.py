@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, check_coordinates
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file
@@ -114,7 +115,7 @@ def _convex(rings: Floats) -> Any:
     """Tell which of (n, k, 3) polygons are convex seen along their mean normal."""
     ahead = np.roll(rings, -1, axis=1) - rings
     turns = np.cross(np.roll(ahead, 1, axis=1), ahead)
-    return (np.einsum("nki,ni->nk", turns, _normals(rings)) >= 0).all(axis=1)
+    return (linear.einsum("nki,ni->nk", turns, _normals(rings)) >= 0).all(axis=1)
 
 
 def _clipped(ring: Floats) -> Integers:
@@ -149,7 +150,7 @@ def _write_stl(vertices: Floats, faces: Integers, path: Path) -> None:
     """Write binary STL."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    length = linear.norm(normals, axis=1, keepdims=True)
     records = np.zeros(len(faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("", "<u2")])
     records["normal"] = normals / np.where(length > 0, length, 1.0)
     records["corners"] = corners

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats, as_positive
 from voxgran._base.errors import FileFormatError, InputError, with_article
 from voxgran._base.files import as_path, existing_file, output_suffix, written_whole
@@ -406,7 +407,7 @@ def _molecule(spheres: Spheres, shape: Shape, unit: str, density: float) -> str:
     """Return the molecule file of spheres; the mass of the atoms is shared out by their volumes."""
     mass = density * shape.volume
     elements = [density * float(shape.inertia[place]) for place in PLACES]
-    each = mass * spheres.radii**3 / (spheres.radii**3).sum()
+    each = mass * libm.power(spheres.radii, 3) / libm.power(spheres.radii, 3).sum()
     com = spheres.centroid if spheres.mass is not None else np.zeros(3)
     told = _told(spheres) or f"{OF_UNION}\n"
     head = f"# clump {' '.join(shape.name.split())}\n{unit}{told}\n{len(each)} atoms\n{mass!r} mass\n"

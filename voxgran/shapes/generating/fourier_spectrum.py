@@ -6,6 +6,7 @@ is the elongation, D_3 to D_7 make the main irregularities, and D_8 and above th
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 
@@ -48,6 +49,6 @@ def descriptors(spectrum: FourierSpectrum) -> Floats:
     n = np.arange(spectrum.harmonics + 1, dtype=np.float64)
     found = np.zeros(len(n))
     found[2] = spectrum.d_2
-    found[3:8] = spectrum.d_3 * (n[3:8] / 3) ** spectrum.alpha
-    found[8:] = spectrum.d_8 * (n[8:] / 8) ** spectrum.beta
+    found[3:8] = spectrum.d_3 * libm.power(n[3:8] / 3, spectrum.alpha)
+    found[8:] = spectrum.d_8 * libm.power(n[8:] / 8, spectrum.beta)
     return found

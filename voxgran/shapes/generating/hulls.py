@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.shells import without_unused
@@ -15,7 +16,7 @@ def points_on_sphere(count: int, generator: np.random.Generator) -> Floats:
     z = 2.0 * generator.random(count) - 1.0
     turn = 2.0 * np.pi * generator.random(count)
     flat = np.sqrt(1.0 - z * z)
-    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    return np.column_stack([flat * libm.cos(turn), flat * libm.sin(turn), z])
 
 
 def hull_of_corners(points: Floats) -> Mesh:

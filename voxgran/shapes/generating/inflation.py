@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_number, as_positive, as_share, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
@@ -49,10 +50,10 @@ class Inflation:
     def moved(self, points: Floats) -> Floats:
         """Return where (n, 3) points are moved to."""
         rays = points - self.center
-        distance = np.linalg.norm(rays, axis=1)
+        distance = linear.norm(rays, axis=1)
         weight = np.full(len(points), self.amount)
         if self.half_angle < math.pi:
-            angle = np.arccos(np.clip(rays @ self.axis / distance, -1.0, 1.0))
+            angle = libm.arccos(np.clip(linear.matmul(rays, self.axis) / distance, -1.0, 1.0))
             outer = np.clip(2.0 - 2.0 * angle / self.half_angle, 0.0, 1.0)
             weight *= outer * outer * (3.0 - 2.0 * outer)
         outward = weight * np.maximum(self.radius - distance, 0.0)
@@ -152,7 +153,7 @@ def spherize(
         middle,
         as_length(radius, "radius"),
         as_share(amount, "amount"),
-        along / np.linalg.norm(along),
+        along / linear.norm(along),
         math.radians(as_number(half_angle, "half_angle", at_least=1e-6, at_most=180.0)),
     )
     vertices, faces, reached = inflated(shape.vertices, shape.faces, inflation, longest)
@@ -175,11 +176,11 @@ def _divided(vertices: Floats, faces: Integers, inflation: Inflation, longest: f
     while True:
         ends, index = edges_of(faces)
         image = inflation.moved(vertices)
-        long = np.linalg.norm(image[ends[:, 0]] - image[ends[:, 1]], axis=1) > longest
+        long = linear.norm(image[ends[:, 0]] - image[ends[:, 1]], axis=1) > longest
         if not long.any():
             return vertices, faces
         if rounds >= ROUNDS:
-            length, before = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), -1
+            length, before = linear.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), -1
             while (marked := int(long.sum())) > before:
                 sides, before = index[long[index].any(axis=1)], marked
                 long[sides[np.arange(len(sides)), length[sides].argmax(axis=1)]] = True

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -31,11 +32,11 @@ def radii_of(shape: Shape, directions: Floats) -> tuple[Floats, float]:
     tree = load("scipy.spatial").cKDTree(directions)
     for k in range(0, len(shape.faces), AT_ONCE):
         corners = shape.vertices[shape.faces[k : k + AT_ONCE]]
-        unit = corners / np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1e-300)
+        unit = corners / np.maximum(linear.norm(corners, axis=2, keepdims=True), 1e-300)
         middle = unit.sum(axis=1)
-        middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-300)
+        middle /= np.maximum(linear.norm(middle, axis=1, keepdims=True), 1e-300)
         # a face with the centroid in its plane may be seen in half of all directions
-        reach = np.linalg.norm(unit - middle[:, None], axis=2).max(axis=1) * (1 + 1e-6) + 1e-12
+        reach = linear.norm(unit - middle[:, None], axis=2).max(axis=1) * (1 + 1e-6) + 1e-12
         reach = np.where(reach > 1.0, 2.0, reach)
         near = tree.query_ball_point(middle, reach)
         face = np.repeat(np.arange(len(corners)), [len(one) for one in near])

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 
 
@@ -56,7 +57,7 @@ def sphere_quadrature(degrees: int) -> tuple[Floats, Floats]:
     z, weights = np.polynomial.legendre.leggauss(degrees)
     turns = np.pi * np.arange(2 * degrees) / degrees
     flat = np.sqrt(1 - z * z)[:, None]
-    around = [flat * np.cos(turns), flat * np.sin(turns), np.broadcast_to(z[:, None], (degrees, 2 * degrees))]
+    around = [flat * libm.cos(turns), flat * libm.sin(turns), np.broadcast_to(z[:, None], (degrees, 2 * degrees))]
     return np.stack(around, axis=-1).reshape(-1, 3), np.repeat(weights, 2 * degrees) / (4 * degrees)
 
 
@@ -65,8 +66,8 @@ def coefficients_of(degrees: int, directions: Floats, weights: Floats, values: F
     cosines, sines = np.zeros((2, degrees, degrees))
     weighted = weights * values
     for degree, order, cosine, sine in harmonics(degrees, directions):
-        cosines[degree, order] = (2 * degree + 1) * (weighted @ cosine)
-        sines[degree, order] = (2 * degree + 1) * (weighted @ sine)
+        cosines[degree, order] = (2 * degree + 1) * linear.matmul(weighted, cosine)
+        sines[degree, order] = (2 * degree + 1) * linear.matmul(weighted, sine)
     return cosines, sines
 
 
@@ -115,5 +116,5 @@ def variances_of_sections(descriptors: Floats) -> Floats:
     """
     table = section_table(len(descriptors))
     found = np.zeros(len(descriptors))
-    found[2:] = np.linalg.solve(table[2:, 2:], descriptors[2:] ** 2 / 2)
+    found[2:] = linear.solve(table[2:, 2:], descriptors[2:] ** 2 / 2)
     return found

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 
 #: smallest volume between a point and a face that counts as positive, relative to the cube of the largest distance
@@ -19,7 +20,7 @@ def is_star_shaped(vertices: Floats, faces: Integers, center: Floats) -> bool:
     """Return whether each ray from a (3,) center leaves the closed surface of a triangle mesh exactly once."""
     rays = vertices - center
     a, b, c = np.moveaxis(rays[faces], 1, 0)
-    volumes = np.einsum("fi,fi->f", a, np.cross(b, c))
+    volumes = linear.einsum("fi,fi->f", a, np.cross(b, c))
     if len(faces) < 4 or volumes.min() <= POSITIVE * np.abs(rays).max() ** 3:
         return False
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
@@ -27,7 +28,7 @@ def is_star_shaped(vertices: Floats, faces: Integers, center: Floats) -> bool:
     if (forth != back).any() or (forth[1:] == forth[:-1]).any():
         return False
     # Van Oosterom & Strackee 1983, doi:10.1109/TBME.1983.325207
-    x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-    ab, bc, ca = (np.einsum("fi,fi->f", p, q) for p, q in ((a, b), (b, c), (c, a)))
-    angles = 2 * np.arctan2(volumes, x * y * z + ab * z + bc * x + ca * y)
+    x, y, z = (linear.norm(corner, axis=1) for corner in (a, b, c))
+    ab, bc, ca = (linear.einsum("fi,fi->f", p, q) for p, q in ((a, b), (b, c), (c, a)))
+    angles = 2 * libm.arctan2(volumes, x * y * z + ab * z + bc * x + ca * y)
     return abs(float(angles.sum()) - 4 * math.pi) < 1e-6

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
 from voxgran._base.files import as_path, existing_file
@@ -285,7 +286,7 @@ def nrrd_lattice(header: Any, path: Path) -> tuple[list[float] | None, str | Non
     """
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
-        spacing = np.linalg.norm(np.asarray(directions, dtype=float), axis=1)
+        spacing = linear.norm(np.asarray(directions, dtype=float), axis=1)
     else:
         spacing = np.asarray(header.get("spacings", [np.nan] * 3), dtype=float)
     good = spacing.shape == (3,) and bool(np.isfinite(spacing).all())

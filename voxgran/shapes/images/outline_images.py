@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_array, as_choice, as_length, as_number
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError
@@ -187,7 +188,7 @@ def _corners(ring: Floats) -> Floats:
     """Return a ring without points on straight sides."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    length = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    length = linear.norm(before, axis=1) * linear.norm(after, axis=1)
     return ring[np.abs(bend) > STRAIGHT * length]
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.describing.curvature import SHARP, Edges, edges_of_mesh
@@ -37,7 +38,7 @@ class Soft(NamedTuple):
 
 def monomials(points: Floats) -> tuple[Floats, Floats]:
     """Return the monomials (n, 20) at points (n, 3), and their slopes along the axes (3, n, 20)."""
-    raised = np.stack([np.ones_like(points), points, points**2, points**3], axis=1)
+    raised = np.stack([np.ones_like(points), points, points**2, libm.power(points, 3)], axis=1)
     values = [raised[:, POWERS[:, k], k] for k in range(3)]
     slopes = [POWERS[:, k] * raised[:, np.maximum(POWERS[:, k] - 1, 0), k] for k in range(3)]
     along = [np.prod([slopes[k] if k == axis else values[k] for k in range(3)], axis=0) for axis in range(3)]
@@ -54,26 +55,27 @@ def soft_fields(mesh: Mesh) -> Soft:
     # the corners of small meshes are numbers of a byte, products of which would not fit
     faces = mesh.corners.astype(np.int64)
     corners = body[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = linear.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     # a rule of degree 2: a twelfth of each triangle at its corners and the rest at its middle
     at = np.concatenate([body, corners.mean(axis=1)])
     share = np.bincount(faces.ravel(), np.repeat(area, 3), len(body))
     share = np.concatenate([share / 12, 0.75 * area]) / area.sum()
     values, slopes = monomials(at)
-    mass = values.T @ (share[:, None] * values)
+    mass = linear.matmul(values.T, share[:, None] * values)
     # of a mesh of few vertices some monomials are equal
     mass += 1e-9 * np.diag(np.diag(mass))
-    even = np.linalg.inv(np.linalg.cholesky(mass)).T
-    slopes = slopes @ even
-    energy = _strains(slopes, share) + ANGLES * _turned(body, faces, values[: len(body)] @ even)
-    found, fields = np.linalg.eigh(energy)
+    sizes, axes = linear.eigh(mass)
+    even = axes / np.sqrt(np.maximum(sizes, np.finfo(float).tiny))
+    slopes = linear.matmul(slopes, even)
+    energy = _strains(slopes, share) + ANGLES * _turned(body, faces, linear.matmul(values[: len(body)], even))
+    found, fields = linear.eigh(energy)
     kept = slice(6, 6 + KEPT)
-    return Soft((even @ fields.T[kept].reshape(-1, 3, len(POWERS)).transpose(0, 2, 1)), found[kept])
+    return Soft(linear.matmul(even, fields.T[kept].reshape(-1, 3, len(POWERS)).transpose(0, 2, 1)), found[kept])
 
 
 def _strains(slopes: Floats, share: Floats) -> Floats:
     """Return the matrix (3 k, 3 k) of the mean square of the strains, for slopes (3, n, k) with shares (n,)."""
-    pairs = np.array([[a.T @ (share[:, None] * b) for b in slopes] for a in slopes])
+    pairs = np.array([[linear.matmul(a.T, share[:, None] * b) for b in slopes] for a in slopes])
     made = pairs.transpose(1, 2, 0, 3).copy()
     for axis in range(3):
         made[axis, :, axis] += np.trace(pairs)
@@ -92,12 +94,12 @@ def _turned(points: Floats, faces: Integers, values: Floats) -> Floats:
         along, away = points[end] - points[begin], points[apex] - points[begin]
         square = np.maximum((along**2).sum(axis=1), 1e-300)
         foot = ((away * along).sum(axis=1) / square)[:, None]
-        height = np.maximum(np.linalg.norm(away - foot * along, axis=1), 1e-6)
+        height = np.maximum(linear.norm(away - foot * along, axis=1), 1e-6)
         # by how much the apex rises above the edge, over its distance
         rise = (values[apex] - (1 - foot) * values[begin] - foot * values[end]) / height[:, None]
         turned = turned + normal[:, :, None] * rise[:, None]
     rows = np.asarray(turned).reshape(len(edges.length), -1) * np.sqrt(edges.length / edges.length.sum())[:, None]
-    return np.asarray(rows.T @ rows)
+    return np.asarray(linear.matmul(rows.T, rows))
 
 
 def bent(mesh: Mesh, soft: Soft, strength: float, generator: np.random.Generator) -> tuple[Mesh, Floats]:
@@ -107,8 +109,8 @@ def bent(mesh: Mesh, soft: Soft, strength: float, generator: np.random.Generator
     Where the surface crosses itself, as of thin necks and of parts that move into each other, the displacement is
     halved, and 0 in the end.
     """
-    parts = generator.normal(size=len(soft.energies)) * (soft.energies[0] / soft.energies) ** STIFF
-    field = np.tensordot(2 * strength * parts / np.linalg.norm(parts), soft.fields, axes=1)
+    parts = generator.normal(size=len(soft.energies)) * libm.power(soft.energies[0] / soft.energies, STIFF)
+    field = linear.einsum("k,kpa->pa", 2 * strength * parts / linear.norm(parts), soft.fields)
     for _ in range(HALVES):
         points = displaced(mesh, field)
         faces = unfolded(points, mesh.corners.astype(np.int64), mesh.vertices)
@@ -121,7 +123,7 @@ def bent(mesh: Mesh, soft: Soft, strength: float, generator: np.random.Generator
 def displaced(mesh: Mesh, field: Floats) -> Floats:
     """Return the vertices (n, 3) of a grain under a displacement of coefficients (20, 3)."""
     radius, center, _, _ = frame_of(mesh)
-    return np.asarray(mesh.vertices + radius * (monomials((mesh.vertices - center) / radius)[0] @ field))
+    return np.asarray(mesh.vertices + radius * linear.matmul(monomials((mesh.vertices - center) / radius)[0], field))
 
 
 def unfolded(points: Floats, faces: Integers, before: Floats) -> Integers:

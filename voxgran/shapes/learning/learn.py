@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -206,15 +207,17 @@ def balanced(given: Floats, weights: Floats, drawn: Floats, donors: Integers) ->
     .. [1] Jaynes 1957, doi:10.1103/PhysRev.106.620: weights of largest entropy with given means
     """
     changed = given + (drawn - given[donors]).mean(axis=0)
-    rows = (changed - weights @ given) / spread_of(given)
+    rows = (changed - linear.matmul(weights, given)) / spread_of(given)
 
     def tilted(slope: Floats) -> Floats:
-        made = weights * np.exp(rows @ slope)
+        made = weights * libm.exp(linear.matmul(rows, slope))
         return np.asarray(made / made.sum())
 
     def missed(slope: Floats) -> tuple[float, Floats]:
-        level = np.log(weights @ np.exp(rows @ slope)) + RIDGE / 2 * slope @ slope
-        return float(level), np.asarray(tilted(slope) @ rows + RIDGE * slope)
+        level = libm.log((weights * libm.exp(linear.matmul(rows, slope))).sum()) + RIDGE / 2 * (slope**2).sum()
+        return float(level), np.asarray(linear.matmul(tilted(slope), rows) + RIDGE * slope)
 
     bounds = [(-STEEPEST, STEEPEST)] * rows.shape[1]
-    return tilted(load("scipy.optimize").minimize(missed, np.zeros(rows.shape[1]), jac=True, bounds=bounds).x)
+    # of SciPy's methods with bounds the one that does without BLAS
+    search: Any = load("scipy.optimize").minimize
+    return tilted(search(missed, np.zeros(rows.shape[1]), jac=True, bounds=bounds, method="TNC", tol=1e-12).x)

@@ -5,6 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.geometry.tree import grow_tree
 from voxgran.shapes.describing.curvature import Bends, bends_of_mesh, mean_of_corners
@@ -34,10 +35,10 @@ def signature(mesh: Mesh) -> Floats:
     radius, center, roots, axes = frame_of(mesh)
     ticks = (np.arange(FINE) + 0.5) * (2 * HALF / FINE) - HALF
     grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = (mesh.vertices - center) @ axes / (np.sqrt(5) * roots)
-    faces = mesh.corners[:, ::-1] if np.linalg.det(axes) < 0 else mesh.corners
+    points = linear.matmul(mesh.vertices - center, axes) / (np.sqrt(5) * roots)
+    faces = mesh.corners[:, ::-1] if linear.determinant(axes) < 0 else mesh.corners
     distance = grow_tree(points, faces.astype(np.int64)).signed_distance(grid)
-    return np.concatenate([np.clip(distance, -FAR, FAR), np.log(np.sqrt(5) * roots / radius)])
+    return np.concatenate([np.clip(distance, -FAR, FAR), libm.log(np.sqrt(5) * roots / radius)])
 
 
 def signatures(shapes: Sequence[Shape]) -> Floats:
@@ -57,7 +58,7 @@ def distances(one: Floats, two: Floats) -> Floats:
         lengths = ((own[:, None] - two[:, number:][:, order]) ** 2).mean(axis=2)
         for sides in product((1, -1), repeat=3):
             turned = two[:, index.transpose(order)[:: sides[0], :: sides[1], :: sides[2]].ravel()]
-            squares = (field**2).sum(axis=1)[:, None] + (turned**2).sum(axis=1) - 2 * field @ turned.T
+            squares = (field**2).sum(axis=1)[:, None] + (turned**2).sum(axis=1) - linear.matmul(2 * field, turned.T)
             least = np.minimum(least, np.maximum(squares, 0.0) / number + lengths)
     return np.asarray(np.sqrt(least))
 
@@ -122,7 +123,7 @@ def energy_distance(
     v = np.full(len(two), 1 / len(two)) if others is None else others / others.sum()
 
     def mean(a: Floats, b: Floats, p: Floats, q: Floats) -> float:
-        return float(p @ np.sqrt((((a[:, None] - b) / spread) ** 2).sum(axis=2)) @ q)
+        return float(linear.matmul(linear.matmul(p, np.sqrt((((a[:, None] - b) / spread) ** 2).sum(axis=2))), q))
 
     return 2 * mean(one, two, w, v) - mean(one, one, w, w) - mean(two, two, v, v)
 

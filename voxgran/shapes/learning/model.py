@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm
 from voxgran._base.arrays import Floats, as_count
 from voxgran._base.calls import explained_methods
 from voxgran._base.seeds import stream
@@ -71,7 +71,7 @@ class ShapeModel(ExplainedAttributes):
         rows = []
         for shape in self.shapes:
             radius, _, roots, _ = frame_of(shape.geometry)  # type: ignore[arg-type]
-            rows.append([np.log(roots[1] / roots[0]), np.log(roots[2] / roots[1]), np.log(2 * radius)])
+            rows.append([libm.log(roots[1] / roots[0]), libm.log(roots[2] / roots[1]), libm.log(2 * radius)])
         return Kernel(np.array(rows), self.weights, self.donors, width_of(self.strength))
 
     def __repr__(self) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
@@ -89,12 +90,12 @@ def compared(
     share, p_value = nearest_neighbour_test(marks[:fewer], known[:fewer], generator)
     values |= {"same_neighbour": share, "p_value": p_value}
     w = np.full(len(other), 1 / len(other)) if of_real is None else of_real
-    mean = w @ other
+    mean = linear.matmul(w, other)
     values |= {
         "drawn_mean": ("descriptor", rows.mean(axis=0)),
         "real_mean": ("descriptor", mean),
         "drawn_deviation": ("descriptor", rows.std(axis=0)),
-        "real_deviation": ("descriptor", np.sqrt(w @ (other - mean) ** 2)),
+        "real_deviation": ("descriptor", np.sqrt(linear.matmul(w, (other - mean) ** 2))),
     }
     table = load("xarray").Dataset(values, coords={"descriptor": np.array(names)[shared]})
     table.attrs = {"drawn": len(drawn), "real": len(real), "learned": len(given)}

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
+from voxgran._base.scalars import cube_root
 from voxgran.lattice.label_volumes import PARTS
 from voxgran.shapes.generating.hulls import hull_of_corners
 from voxgran.shapes.learning.warp import frame_of
@@ -84,11 +86,11 @@ def _smooth(shape: Shape, voxel: Floats, kind: str) -> tuple[Shape, float]:
     the distances of vertices from it in voxels, to first order.
     """
     radius, centre, moments, axes = frame_of(Mesh(shape.vertices, shape.faces))
-    half = np.full(3, radius) if kind == SPHERE else radius * moments / np.cbrt(moments.prod())
-    place = (shape.vertices - centre) @ axes / half
-    length = np.linalg.norm(place, axis=1)
+    half = np.full(3, radius) if kind == SPHERE else radius * moments / cube_root(moments.prod())
+    place = linear.matmul(shape.vertices - centre, axes) / half
+    length = linear.norm(place, axis=1)
     # the gradient by places in the lattice: where voxels are not cubes, their edges stretch it
-    distance = (length - 1.0) * length / np.linalg.norm(place / half @ axes.T * voxel, axis=1)
+    distance = (length - 1.0) * length / linear.norm(linear.matmul(place / half, axes.T) * voxel, axis=1)
     made = Primitive("sphere", (radius,)) if kind == SPHERE else Primitive("ellipsoid", tuple(half.tolist()))
     return Shape.of(made, name=shape.name, unit=shape.unit), float(np.sqrt((distance**2).mean()))
 
@@ -125,9 +127,9 @@ def _reduced(label: Mesh, hull: Mesh, faces: int) -> tuple[Mesh, float]:
         solid = hull
     if len(solid.faces) > faces:
         return hull, np.inf
-    solid = Mesh(solid.vertices * np.cbrt(label.volume / solid.volume), solid.faces)
+    solid = Mesh(solid.vertices * cube_root(label.volume / solid.volume), solid.faces)
     planes = load("scipy.spatial").ConvexHull(solid.vertices).equations
-    depth = (label.vertices @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    depth = (linear.matmul(label.vertices, planes[:, :3].T) + planes[:, 3]).max(axis=1)
     return solid, float(np.sqrt((depth**2).mean()))
 
 
@@ -158,5 +160,5 @@ def _centroid(corners: Floats, triangles: Integers) -> Floats:
     """Return the centroid of a convex solid whose triangles are turned in any way."""
     middle = corners[triangles].mean(axis=(0, 1))
     cones = corners[triangles] - middle
-    volumes = np.abs(np.linalg.det(cones))
-    return np.asarray(middle + volumes @ cones.sum(axis=1) / 4.0 / volumes.sum())
+    volumes = np.abs(linear.determinant(cones))
+    return np.asarray(middle + linear.matmul(volumes, cones.sum(axis=1)) / 4.0 / volumes.sum())

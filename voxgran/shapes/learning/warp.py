@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.shapes.mesh import Mesh
@@ -24,7 +25,7 @@ LEAST = 0.4
 def frame_of(mesh: Mesh) -> tuple[float, Floats, Floats, Floats]:
     """Return equivalent radius, centroid, square roots of the second moments (largest first), and axes in columns."""
     moments = np.trace(mesh.inertia) / 2 * np.eye(3) - mesh.inertia
-    squares, axes = np.linalg.eigh(moments / mesh.volume)
+    squares, axes = linear.eigh(moments / mesh.volume)
     radius = (3 * mesh.volume / (4 * np.pi)) ** (1 / 3)
     return radius, mesh.centroid, np.sqrt(np.maximum(squares[::-1], 1e-300)), axes[:, ::-1]
 
@@ -42,7 +43,10 @@ def affine(matrix: Floats, shift: Floats | None = None, taper: Floats | None = N
 
 def mapped(points: Floats, matrix: Floats) -> Floats:
     """Return points (n, 3) under a projective map, a homogeneous matrix (4, 4)."""
-    return np.asarray((points @ matrix[:3, :3].T + matrix[:3, 3]) / (points @ matrix[3, :3] + matrix[3, 3])[:, None])
+    return np.asarray(
+        (linear.matmul(points, matrix[:3, :3].T) + matrix[:3, 3])
+        / (linear.matmul(points, matrix[3, :3]) + matrix[3, 3])[:, None]
+    )
 
 
 def width_of(strength: float) -> float:
@@ -120,18 +124,18 @@ def warped(mesh: Mesh, wanted: Floats, strength: float, generator: np.random.Gen
     radius, center, _, axes = frame_of(mesh)
     sides = np.where(generator.random(3) < 0.5, -1.0, 1.0)
     shears = generator.normal(0.0, strength, 3)
-    squares, turn = np.linalg.eigh(np.array([[0, *shears[:2]], [shears[0], 0, shears[2]], [*shears[1:], 0]]))
+    squares, turn = linear.eigh(np.array([[0, *shears[:2]], [shears[0], 0, shears[2]], [*shears[1:], 0]]))
     into = sides[:, None] * axes.T / radius
-    linear = (turn * np.exp(squares)) @ turn.T @ into
-    matrix = affine(linear, -linear @ center)
+    stretch = linear.matmul(linear.matmul(turn * libm.exp(squares), turn.T), into)
+    matrix = affine(stretch, linear.matmul(-stretch, center))
     taper = generator.normal(0.0, strength, 3)
-    deepest = -float((mapped(mesh.vertices, matrix) @ taper).min())
-    matrix = affine(np.eye(3), taper=taper * min(1.0, (1 - LEAST) / max(deepest, 1e-300))) @ matrix
-    faces = mesh.corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.corners
+    deepest = -float(linear.matmul(mapped(mesh.vertices, matrix), taper).min())
+    matrix = linear.matmul(affine(np.eye(3), taper=taper * min(1.0, (1 - LEAST) / max(deepest, 1e-300))), matrix)
+    faces = mesh.corners[:, ::-1] if linear.determinant(matrix[:3, :3]) < 0 else mesh.corners
     body = Mesh(mapped(mesh.vertices, matrix), faces)
     roots = frame_of(body)[2]
-    ratios = np.exp([0.0, wanted[0], wanted[0] + wanted[1]]) / roots
-    matrix = _upright(body, ratios / ratios.prod() ** (1 / 3), float(wanted[2])) @ matrix
+    ratios = libm.exp([0.0, wanted[0], wanted[0] + wanted[1]]) / roots
+    matrix = linear.matmul(_upright(body, ratios / ratios.prod() ** (1 / 3), float(wanted[2])), matrix)
     return Mesh(mapped(mesh.vertices, matrix), faces), matrix
 
 
@@ -140,7 +144,7 @@ def placed(mesh: Mesh, size: float, generator: np.random.Generator) -> tuple[Mes
     map (4, 4) of its points.
     """
     sides = np.where(generator.random(3) < 0.5, -1.0, 1.0)
-    matrix = affine(np.diag(sides)) @ _upright(mesh, np.ones(3), size)
+    matrix = linear.matmul(affine(np.diag(sides)), _upright(mesh, np.ones(3), size))
     faces = mesh.corners[:, ::-1] if sides.prod() < 0 else mesh.corners
     return Mesh(mapped(mesh.vertices, matrix), faces), matrix
 
@@ -148,7 +152,7 @@ def placed(mesh: Mesh, size: float, generator: np.random.Generator) -> tuple[Mes
 def _upright(mesh: Mesh, stretch: Floats, size: float) -> Floats:
     """Return the map (4, 4) into the principal axes of a grain, stretched along them to the logarithm of a diameter."""
     radius, center, _, axes = frame_of(mesh)
-    if np.linalg.det(axes) < 0:
+    if linear.determinant(axes) < 0:
         axes[:, 2] *= -1
-    factors = stretch * np.exp(size) / (2 * radius)
-    return affine(factors[:, None] * axes.T, -factors * (axes.T @ center))
+    factors = stretch * libm.exp(size) / (2 * radius)
+    return affine(factors[:, None] * axes.T, -factors * linear.matmul(axes.T, center))

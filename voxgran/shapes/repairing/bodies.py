@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.shells import FLAT, inner_point, shell_labels, without_unused
@@ -30,7 +31,7 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
     label = shell_labels(points, faces)
     count = int(label.max(initial=-1)) + 1
     triangles = (points - np.mean(box_of(points), axis=0)).take(faces, axis=0)
-    sixth = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+    sixth = linear.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
     volume = np.bincount(label, weights=sixth, minlength=count).astype(np.float64)
     within = np.zeros((count, count), dtype=np.bool_)
     if count < 2:
@@ -50,7 +51,7 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
 def without_flat(points: Floats, faces: Integers) -> tuple[Integers, int]:
     """Leave out shells that enclose nothing; return the faces that are left and how many shells went."""
     shells = shells_of(points, faces)
-    diagonal = float(np.linalg.norm(np.subtract(*box_of(points))))
+    diagonal = float(linear.norm(np.subtract(*box_of(points))))
     flat = np.abs(shells.volume) <= FLAT * diagonal * np.bincount(shells.label, weights=areas_of(points[faces]))
     return faces[~flat[shells.label]], int(flat.sum())
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_faces, box_of, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
@@ -269,10 +269,10 @@ def _bit_equal(points):  # type: ignore[no-untyped-def]
 def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     """Return the first of each set of points nearer than `weld`, and the set of each; None where all are apart."""
     low, high = box_of(points)
-    size = float(np.linalg.norm(high - low))
+    size = float(linear.norm(high - low))
     # points that are near each other follow each other closely along any direction, apart from rounding
-    along = (points - low) @ ALONG
-    order = np.argsort(along)
+    along = linear.matmul(points - low, ALONG)
+    order = np.argsort(along, kind="stable")
     close = np.diff(along[order]) <= weld * size + 1e-15 * size
     some = order[np.append(close, False) | np.append(False, close)]
     pairs = load("scipy.spatial").cKDTree(points[some]).query_pairs(weld * size, output_type="ndarray")
@@ -306,7 +306,7 @@ def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:
     if not len(faces):
         return Diagnosis(faces=0)
     low, high = box_of(vertices)
-    size = float(np.linalg.norm(high - low)) or 1.0
+    size = float(linear.norm(high - low)) or 1.0
     points = (vertices - (low + high) / 2) / size
     edges = numbered_edges(faces, len(points))
     open_edges, crowded, unlike = (int(n) for n in edge_faults(faces, len(points), edges))

@@ -6,6 +6,7 @@ doi:10.2312/SGP/SGP03/200-206), and one of many edges by triangles to its middle
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.shapes.shells import half_edges
 
@@ -51,8 +52,8 @@ def _walk(onward: dict[int, list[int]], first: int) -> list[list[int]]:
 def extent(points: Floats, loop: Integers) -> float:
     """Return how wide a hole is: the longest side of the box around its corners along their own axes."""
     corners = points[loop] - points[loop].mean(axis=0)
-    axes = np.linalg.svd(corners, full_matrices=False)[2]
-    return float(np.ptp(corners @ axes.T, axis=0).max())
+    axes = linear.svd(corners)[2]
+    return float(np.ptp(linear.matmul(corners, axes.T), axis=0).max())
 
 
 def closed_loop(points: Floats, faces: Integers, loop: Integers) -> tuple[Floats, Integers]:
@@ -89,7 +90,7 @@ def _least_area(ring: Floats, taken: np.ndarray[tuple[int, int], np.dtype[np.boo
             if taken[i, k] and span < count - 1:
                 continue
             j = np.arange(i + 1, k)
-            area = np.linalg.norm(np.cross(ring[j] - ring[i], ring[k] - ring[i]), axis=1) / 2
+            area = linear.norm(np.cross(ring[j] - ring[i], ring[k] - ring[i]), axis=1) / 2
             total = cost[i, j] + cost[j, k] + area
             best = int(total.argmin())
             cost[i, k], split[i, k] = total[best], i + 1 + best

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points, box_of
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
@@ -351,7 +351,7 @@ def _say(done: list[str], count: int, text: str) -> None:
 
 def _diagonal(points: Floats) -> float:
     """Return the diagonal of the bounding box."""
-    return float(np.linalg.norm(np.subtract(*box_of(points))))
+    return float(linear.norm(np.subtract(*box_of(points))))
 
 
 def _enclosed(points: Floats, faces: Integers) -> float:
@@ -369,7 +369,7 @@ def _enclosed(points: Floats, faces: Integers) -> float:
 def _signed(corners: Floats) -> float:
     """Return the volume of the tetrahedra between triangles and their centroid."""
     local = corners - corners.mean(axis=(0, 1))
-    return float(np.einsum("fi,fi->", local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
+    return float(linear.einsum("fi,fi->", local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
 
 
 #: angles that differ by less are one, in radians
@@ -408,9 +408,9 @@ def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
 
 def _angles(along: Floats, away: Floats) -> Floats:
     """Return the angles of vectors (n, 3) about axes (n, 3), from a zero that depends on the axis only."""
-    length = np.linalg.norm(along, axis=1, keepdims=True)
+    length = linear.norm(along, axis=1, keepdims=True)
     # two vertices may lie at one place
     along = along / np.where(length > 0.0, length, 1.0)
     first = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
     second = np.cross(along, first)
-    return np.asarray(np.arctan2(np.einsum("ni,ni->n", away, second), np.einsum("ni,ni->n", away, first)))
+    return np.asarray(libm.arctan2(linear.einsum("ni,ni->n", away, second), linear.einsum("ni,ni->n", away, first)))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, linear
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning, warn
@@ -275,4 +275,4 @@ def _random_points(triangles: Floats, k: int) -> Floats:
     u, v = generator.random((2, SAMPLED))
     root = np.sqrt(u)
     shares = np.column_stack([1 - root, root * (1 - v), root * v])
-    return np.asarray(np.einsum("ni,nij->nj", shares, chosen))
+    return np.asarray(linear.einsum("ni,nij->nj", shares, chosen))

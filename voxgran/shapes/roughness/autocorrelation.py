@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -21,15 +22,15 @@ LEAST, WAVES = 1e-6, 800
 def correlation(kind: str, distance: Floats) -> Floats:
     """Return an autocorrelation function in closed form at distances: exponential, gaussian or linear."""
     if kind == "exponential":
-        return np.asarray(np.exp(-distance))
+        return np.asarray(libm.exp(-distance))
     if kind == "gaussian":
-        return np.asarray(np.exp(-(distance**2)))
+        return np.asarray(libm.exp(-(distance**2)))
     return np.asarray(np.maximum(0.0, 1.0 - (1.0 - math.exp(-1.0)) * distance))
 
 
 def self_affine_density(q: Floats, hurst: float, roll_off: float, cut_off: float, dimension: int) -> Floats:
     """Return the power spectral density at wave numbers, in units of that below the roll-off."""
-    density = np.maximum(q / roll_off, 1.0) ** (-dimension - 2 * hurst)
+    density = libm.power(np.maximum(q / roll_off, 1.0), -dimension - 2 * hurst)
     return np.asarray(np.where(q <= cut_off, density, 0.0))
 
 
@@ -39,7 +40,9 @@ def self_affine_correlation(distance: Floats, hurst: float, roll_off: float, cut
     high = np.geomspace(roll_off, cut_off, WAVES)
     total, variance = np.zeros(len(distance)), 0.0
     for q in (low, high):
-        density = self_affine_density(q, hurst, roll_off, cut_off * (1 + 1e-12), dimension) * q ** (dimension - 1)
+        density = self_affine_density(q, hurst, roll_off, cut_off * (1 + 1e-12), dimension) * libm.power(
+            q, dimension - 1
+        )
         phase = distance[:, None] * q
         total += np.trapezoid(_waves(phase, dimension) * density, q, axis=1)
         variance += float(np.trapezoid(density, q))
@@ -49,7 +52,7 @@ def self_affine_correlation(distance: Floats, hurst: float, roll_off: float, cut
 def _waves(phase: Floats, dimension: int) -> Floats:
     """Return the mean of plane waves of all directions at a distance."""
     if dimension == 1:
-        return np.asarray(np.cos(phase))
+        return np.asarray(libm.cos(phase))
     return np.asarray(load("scipy.special").j0(phase) if dimension == 2 else np.sinc(phase / np.pi))
 
 

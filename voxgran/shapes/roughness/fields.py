@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
@@ -63,7 +64,7 @@ def draw_field(
     """
     fft = load("scipy.fft")
     first = field.lengths / np.interp(field.hurst, HURST, FIRST[len(low)])
-    levels = max(0, round(float(np.log2(first / spacing).max())))
+    levels = max(0, round(float(libm.log2(first / spacing).max())))
     step = first / 2**levels if field.method == "midpoint" else spacing
     before = np.ceil(MARGIN / 2 * field.lengths / step)
     number = np.maximum(np.ceil((high - low) / step) + 2 * before, np.ceil(LEAST * field.lengths / step)) + 1
@@ -84,7 +85,7 @@ def draw_field(
             f"{MOST_POINTS:.3g} are drawn; give at least {field.shortest * excess:.2g}"
         )
     if field.method == "whitehouse":
-        values = recursive_field(size, np.exp(-step / field.lengths), generator)
+        values = recursive_field(size, libm.exp(-step / field.lengths), generator)
     elif field.method == "midpoint":
         base = tuple(n // 2**levels for n in size)
         values = midpoint_field(base, levels, field.hurst, generator)
@@ -180,5 +181,5 @@ def _halved(coarse: Floats, cell: float, hurst: float, generator: np.random.Gene
             count += 2
         distance = cell / 2 * (np.sqrt(d) if len(across) == d else 1.0)
         noise = generator.standard_normal(coarse.shape)
-        values[own] = total / count + distance**hurst * noise
+        values[own] = total / count + libm.power(distance, hurst) * noise
     return values

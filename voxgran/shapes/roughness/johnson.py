@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -53,7 +54,7 @@ class Johnson:
             return wanted
         heights, density = self.of(NODES), _density()
         before, now = np.ones_like(NODES), NODES
-        rho = np.sin(np.linspace(-np.pi / 2, np.pi / 2, TABLE))
+        rho = libm.sin(np.linspace(-np.pi / 2, np.pi / 2, TABLE))
         power, total = np.ones(TABLE), np.zeros(TABLE)
         for k in range(1, TERMS + 1):
             # normalized Hermite polynomials, so that no factorial overflows
@@ -65,15 +66,15 @@ class Johnson:
 
 def _density() -> Floats:
     """Return the weights of the nodes in integrals over Gaussian heights."""
-    weights = np.exp(-(NODES**2) / 2)
+    weights = libm.exp(-(NODES**2) / 2)
     return np.asarray(weights / weights.sum())
 
 
 def _raw(kind: str, x: Floats) -> Floats:
     """Return the function before it is normalized."""
     if kind == "unbounded":
-        return np.sinh(x)
-    return np.exp(x) if kind == "lognormal" else 0.5 * (1.0 + np.tanh(x / 2))
+        return libm.sinh(x)
+    return libm.exp(x) if kind == "lognormal" else 0.5 * (1.0 + libm.tanh(x / 2))
 
 
 def _moments(kind: str, gamma: float, delta: float) -> tuple[float, float, float, float]:
@@ -81,7 +82,7 @@ def _moments(kind: str, gamma: float, delta: float) -> tuple[float, float, float
     raw, density = _raw(kind, (NODES - gamma) / delta), _density()
     mean = float((raw * density).sum())
     deviations = raw - mean
-    second, third, fourth = (float((deviations**k * density).sum()) for k in (2, 3, 4))
+    second, third, fourth = (float((libm.power(deviations, k) * density).sum()) for k in (2, 3, 4))
     return mean, math.sqrt(second), third / second**1.5, fourth / second**2
 
 

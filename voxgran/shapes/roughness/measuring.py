@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm, linear
 from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, warn
@@ -151,7 +151,9 @@ def vertex_weights(vertices: Floats, faces: Integers, along: Floats | None = Non
     """Return the share (n,) of each vertex in the surface area, or in that seen along a direction: a third of that of
     its triangles.
     """
-    areas = areas_of(vertices[faces]) if along is None else np.abs(normals_of(vertices[faces]) @ along) / 2
+    areas = (
+        areas_of(vertices[faces]) if along is None else np.abs(linear.matmul(normals_of(vertices[faces]), along)) / 2
+    )
     total = np.bincount(faces.ravel(), np.repeat(areas, 3), len(vertices))
     return np.asarray(total / total.sum())
 
@@ -172,10 +174,10 @@ def _heights(shape: Shape, smooth: Shape | None) -> tuple[Floats, Floats, Floats
         raise InputError(
             f"shape {shape.name!r} is a solid: its heights are those above a smooth one; give it as smooth="
         )
-    normal = np.linalg.eigh(shape.geometry.area_inertia)[1][:, 2]
-    if normals_of(shape.vertices[shape.faces]).sum(axis=0) @ normal < 0:
+    normal = linear.eigh(shape.geometry.area_inertia)[1][:, 2]
+    if linear.matmul(normals_of(shape.vertices[shape.faces]).sum(axis=0), normal) < 0:
         normal = -normal
-    heights = np.asarray(shape.vertices @ normal)
+    heights = np.asarray(linear.matmul(shape.vertices, normal))
     places = shape.vertices - heights[:, None] * normal
     return places[order], heights[order], vertex_weights(shape.vertices, shape.faces, normal)[order]
 
@@ -188,12 +190,17 @@ def moments_of(heights: Floats, weights: Floats) -> tuple[Floats, float, float, 
     InputError
         If all heights are equal.
     """
-    deviations = heights - float(heights @ weights)
-    rms = math.sqrt(float(deviations**2 @ weights))
+    deviations = heights - float(linear.matmul(heights, weights))
+    rms = math.sqrt(float(linear.matmul(deviations**2, weights)))
     if rms <= 1e-14 * float(np.abs(heights).max(initial=1e-300)):
         raise InputError("surface has equal heights everywhere: a flat surface has no statistics; give a rough one")
     scaled = deviations / rms
-    return scaled, rms, float(scaled**3 @ weights), float(scaled**4 @ weights)
+    return (
+        scaled,
+        rms,
+        float(linear.matmul(libm.power(scaled, 3), weights)),
+        float(linear.matmul(libm.power(scaled, 4), weights)),
+    )
 
 
 def lattice_statistics(
@@ -240,7 +247,10 @@ def _lagged(values: Floats, inside: Floats) -> Floats:
     def waves(array: Floats) -> Any:
         return fft.rfftn(array, s=size)
 
-    here, there = (np.conj(waves(inside)), np.conj(waves(values * inside))), (waves(inside**0), waves(values))
+    here, there = (
+        (np.conj(waves(inside)), np.conj(waves(values * inside))),
+        (waves(libm.power(inside, 0)), waves(values)),
+    )
     squares = np.conj(waves(values**2 * inside)) * there[0] + here[0] * waves(values**2)
     found = [fft.irfftn(product, s=size) for product in (here[0] * there[0], here[1] * there[1], squares / 2)]
     return np.array([np.round(found[0]), *found[1:]])
@@ -277,7 +287,7 @@ def scattered_statistics(
         points, scaled, weights = points[drawn], scaled[drawn], np.ones(MOST_POINTS)
     order = np.argsort(points[:, 0], kind="stable")
     points, scaled, weights = np.ascontiguousarray(points[order]), scaled[order], weights[order]
-    reach = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 3
+    reach = float(linear.norm(points.max(axis=0) - points.min(axis=0))) / 3
     width = max(edge / 2, reach / BINS)
     blocks = _blocks(points, weights) if errors else np.zeros(len(points), dtype=np.int64)
     sums = np.zeros((int(blocks.max()) + 1, int(reach / width + 0.5) + 1, 4))
@@ -365,11 +375,11 @@ def _hurst(
     used = (distance > 1e-9 * length) & (distance <= length) & (rho < 1.0)
     if used.sum() < 3:
         return math.nan, math.nan
-    found, places = np.log(1.0 - rho[used]), distance[used] / length
+    found, places = libm.log(1.0 - rho[used]), distance[used] / length
 
     def misfit(hurst: float, cut_off: float) -> float:
         roll_off = roll_off_of(hurst, cut_off, dimension)
-        difference = found - np.log(1.0 - self_affine_correlation(places, hurst, roll_off, cut_off, dimension))
+        difference = found - libm.log(1.0 - self_affine_correlation(places, hurst, roll_off, cut_off, dimension))
         return float(((difference - difference.mean()) ** 2).sum())
 
     search: Any = load("scipy.optimize").minimize_scalar

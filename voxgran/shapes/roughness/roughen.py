@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
@@ -32,6 +33,8 @@ from voxgran.shapes.spheres import Spheres
 MOST_CORNERS = 5_000
 #: distances, in correlation lengths, over which normals are smoothed: none, and more where the surface meets itself
 WIDTHS = (0.0, 0.5, 1.0, 2.0)
+#: relative residual of the equations of smoothed normals, far below what their directions decide
+DIFFUSED = 1e-10
 #: halvings of the interval of heights in search of the largest one
 SEARCHED = 12
 #: height from which on the largest one is searched, in edges of the mesh
@@ -170,11 +173,11 @@ def _rough_outline(
     if outline.kind == "disk":
         sides = max(SIDES, math.ceil(2 * math.pi * outline.radius / field.edge))
         angles = 2 * np.pi * np.arange(min(sides, MOST_CORNERS + 1)) / sides
-        corners = outline.radius * np.column_stack([np.cos(angles), np.sin(angles)]) + np.array(outline.center)
+        corners = outline.radius * np.column_stack([libm.cos(angles), libm.sin(angles)]) + np.array(outline.center)
     else:
         corners = outline.vertices
     along = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(along, axis=1)
+    lengths = linear.norm(along, axis=1)
     number = np.maximum(np.ceil(lengths / field.edge * (1 - 1e-9)), 1.0)
     if number.sum() > MOST_CORNERS:
         least = field.shortest * number.sum() / MOST_CORNERS
@@ -185,11 +188,11 @@ def _rough_outline(
     parts = [a + np.arange(n)[:, None] / n * t for a, t, n in zip(corners, along, number, strict=True)]
     points = np.concatenate(parts)
     after, before = np.roll(points, -1, axis=0) - points, points - np.roll(points, 1, axis=0)
-    weights = np.linalg.norm(after, axis=1) + np.linalg.norm(before, axis=1)
+    weights = linear.norm(after, axis=1) + linear.norm(before, axis=1)
     weights /= weights.sum()
     heights = random_heights(points, weights, field, generator)
     total = after + before
-    normals = np.column_stack([total[:, 1], -total[:, 0]]) / np.linalg.norm(total, axis=1, keepdims=True)
+    normals = np.column_stack([total[:, 1], -total[:, 0]]) / linear.norm(total, axis=1, keepdims=True)
     moved = largest_if_none(
         field.rms,
         lambda factor: corners if is_simple(corners := points + (factor * heights)[:, None] * normals) else None,
@@ -282,7 +285,7 @@ def refined(shape: Shape, edge: float) -> tuple[Floats, Integers]:
     while True:
         _refuse_many(len(faces), edge)
         ends, index = edges_of(faces)
-        long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > edge
+        long = linear.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > edge
         if not long.any():
             return vertices, faces
         new = np.full(len(ends), -1)
@@ -306,11 +309,14 @@ def diffused(normals: Floats, vertices: Floats, faces: Integers, width: float) -
     sparse, n = load("scipy.sparse"), len(vertices)
     corners = vertices[faces]
     sides = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)
-    doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    doubled = linear.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     # linear finite elements: products of the sides opposite to two corners
-    stiffness = np.einsum("fik,fjk->fij", sides, sides) / (2 * np.maximum(doubled, 1e-300))[:, None, None]
+    stiffness = linear.einsum("fik,fjk->fij", sides, sides) / (2 * np.maximum(doubled, 1e-300))[:, None, None]
     rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
     mass = np.bincount(faces.ravel(), np.repeat(doubled / 6, 3), n)
     matrix = sparse.coo_matrix((stiffness.ravel() * width**2 / 4, (rows, columns)), (n, n)) + sparse.diags(mass)
-    found = load("scipy.sparse.linalg").spsolve(matrix.tocsc(), mass[:, None] * normals)
-    return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300))
+    matrix = matrix.tocsr()
+    found = np.stack(
+        [linear.conjugate_gradient(matrix, mass * column, relative=DIFFUSED) for column in normals.T], axis=1
+    )
+    return np.asarray(found / np.maximum(linear.norm(found, axis=1, keepdims=True), 1e-300))

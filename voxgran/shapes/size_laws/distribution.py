@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_choice, as_count, as_flag, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
@@ -182,7 +183,7 @@ class SizeDistribution(ABC):
             first = max(0, n - LARGEST)
             ends = law._inverse(np.maximum(np.arange(first, n + 1) / n, 2.0**-54), power)
             volumes = n * np.diff(law._partial(ends, power + dimension)) / law._partial(np.array(math.inf), power)
-            mean = np.clip(volumes ** (1.0 / dimension), ends[:-1], ends[1:])
+            mean = np.clip(libm.power(volumes, 1.0 / dimension), ends[:-1], ends[1:])
             sizes[first:] = np.where(ends[1:] > WIDE * ends[:-1], mean, sizes[first:])
         sizes *= unit
         return sizes
@@ -307,7 +308,7 @@ def inverted(law: SizeDistribution, shares: Floats, power: int) -> Floats:
     """Return the sizes at which the integral of size**power reaches shares of the whole; many by polynomials."""
     if shares.size < MANY:
         return _iterated(law, shares, power)
-    sizes = np.asarray(np.exp(_curve(law, power)(shares)))
+    sizes = np.asarray(libm.exp(_curve(law, power)(shares)))
     others = np.isnan(sizes)
     sizes[others] = _iterated(law, shares[others], power)
     return sizes
@@ -322,16 +323,18 @@ def _curve(law: SizeDistribution, power: int) -> Any:
     """
     nodes = np.unique(_table(law, power)[1])
     first, step = nodes[:-1], np.diff(nodes)
-    at = 0.5 - 0.5 * np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-    known = np.log(_iterated(law, first + step * at[:, None], power, EXACT))
-    factors = np.linalg.solve(np.vander(at), known)
+    at = 0.5 - 0.5 * libm.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    known = libm.log(_iterated(law, first + step * at[:, None], power, EXACT))
+    factors = linear.solve(np.vander(at), known)
     between = np.concatenate([[0.0], 0.5 * (at[1:] + at[:-1]), [1.0]])
-    made = np.exp(np.vander(between, POINTS) @ factors)
+    made = libm.exp(linear.matmul(np.vander(between, POINTS), factors))
     missed = law._partial(made, power) / law._partial(np.array(math.inf), power) - first - step * between[:, None]
     # where the distribution has a step, all shares have one size
     wrong = (np.abs(missed).max(axis=0) > CLOSE) & (np.ptp(known, axis=0) > EXACT) | (step < EXACT)
     factors[:, wrong], step[wrong] = np.nan, 1.0
-    return load("scipy.interpolate").PPoly(factors / step ** np.arange(POINTS - 1.0, -1.0, -1.0)[:, None], nodes)
+    return load("scipy.interpolate").PPoly(
+        factors / libm.power(step, np.arange(POINTS - 1.0, -1.0, -1.0)[:, None]), nodes
+    )
 
 
 def _iterated(law: SizeDistribution, shares: Floats, power: int, close: float = CLOSE) -> Floats:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown, unknown
 from voxgran._base.machine import memory_limit
@@ -175,7 +176,7 @@ def grains_of(
             # what is infinite is refused as a diameter below
             volume = values["mass"] / known
         volume *= _unit_volume(names, where, unit, dimension)
-        diameter = (volume * (6.0 if dimension == 3 else 4.0) / math.pi) ** (1.0 / dimension)
+        diameter = libm.power(volume * (6.0 if dimension == 3 else 4.0) / math.pi, 1.0 / dimension)
     else:
         diameter = np.array([shape.diameter for shape in shapes])[shape_id]
     check_lengths([diameter.min(), diameter.max()], f"diameter in {where}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes
+from voxgran._base import ExplainedAttributes, libm
 from voxgran._base.arrays import Floats, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
@@ -105,7 +105,7 @@ def plan_sizes(sizes: SizeDistribution, count: int, *, dimension: int = 3, seed:
     n = as_count(count, "count", at_least=1, at_most=MOST_PLANNED)
     drawn = (sizes.sample if sizes.independent else sizes.strata)(n, stream(seed, "sizes"), dimension=dimension)
     drawn = np.sort(drawn)
-    volumes = drawn**dimension / (drawn**dimension).sum()
+    volumes = libm.power(drawn, dimension) / libm.power(drawn, dimension).sum()
     held = np.cumsum(volumes)
     points, first = np.unique(drawn, return_index=True)
     at = held[np.append(first[1:], n) - 1]
@@ -146,10 +146,10 @@ def stratum_distance(sizes: SizeDistribution, count: int, dimension: int) -> flo
     """
     mean = sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
     if not sizes.is_continuous:
-        return float(sizes.quantile(1.0) ** dimension / (count * mean))
+        return float(libm.power(sizes.quantile(1.0), dimension) / (count * mean))
     ends = sizes.quantile(np.arange(max(0, count - LARGEST), count + 1) / count, basis="number", dimension=dimension)
     shares = sizes.cumulative(ends, basis="volume", dimension=dimension)
-    grains = (np.diff(shares) * count * mean) ** (1.0 / dimension)
+    grains = libm.power(np.diff(shares) * count * mean, 1.0 / dimension)
     at = sizes.cumulative(np.clip(grains, ends[:-1], ends[1:]), basis="volume", dimension=dimension)
     return float(np.maximum(shares[1:] - at, at - shares[:-1]).max())
 

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, as_length
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -80,7 +81,7 @@ class RosinRammler(SizeDistribution):
     def _partial(self, sizes: Floats, power: int) -> Floats:
         """Integrate numerically over the logarithm of the score, panel by panel."""
         with np.errstate(divide="ignore", over="ignore"):
-            scores = np.log(np.clip((np.maximum(sizes, 0.0) / self.size) ** self.spread, *self._ends()))
+            scores = libm.log(np.clip(libm.power(np.maximum(sizes, 0.0) / self.size, self.spread), *self._ends()))
         nodes, parts = _panels(self, power)
         place = np.clip(np.searchsorted(nodes, scores, side="right") - 1, 0, len(nodes) - 2)
         return np.asarray(self.size**power * (parts[place] + _gauss(self, power, nodes[place], scores)))
@@ -91,8 +92,10 @@ class RosinRammler(SizeDistribution):
             return inverted(self, shares, power)
         first, last = self._ends()
         with np.errstate(divide="ignore"):
-            scores = first - np.log1p(shares * math.expm1(first - last))
-        return np.asarray(np.clip(self.size * scores ** (1.0 / self.spread), self.low or 0.0, self.high or math.inf))
+            scores = first - libm.log1p(shares * math.expm1(first - last))
+        return np.asarray(
+            np.clip(self.size * libm.power(scores, 1.0 / self.spread), self.low or 0.0, self.high or math.inf)
+        )
 
     def _reach(self, power: int) -> tuple[float, float, Floats]:
         """Return the sizes of the smallest and the largest score."""
@@ -103,7 +106,7 @@ class RosinRammler(SizeDistribution):
 @lru_cache(maxsize=16)
 def _panels(law: RosinRammler, power: int) -> tuple[Floats, Floats]:
     """Return logarithms of scores from the smallest to the largest grain, and the integrals up to each."""
-    first, last = np.log(law._ends())
+    first, last = libm.log(law._ends())
     nodes = np.linspace(first, last, PANELS + 1)
     return nodes, np.concatenate([[0.0], np.cumsum(_gauss(law, power, nodes[:-1], nodes[1:]))])
 
@@ -115,5 +118,5 @@ def _gauss(law: RosinRammler, power: int, start: Floats, end: Floats) -> Floats:
     total = np.zeros(np.shape(half))
     for place, weight in zip(places, weights, strict=True):
         at = start + half * (1.0 + place)
-        total += weight * half * np.exp(at * (1.0 + power / law.spread) - np.exp(at))
+        total += weight * half * libm.exp(at * (1.0 + power / law.spread) - libm.exp(at))
     return total

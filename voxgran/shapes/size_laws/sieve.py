@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn
@@ -91,8 +92,8 @@ class Sieve(SizeDistribution):
         """Return lower openings, ratios to the upper ones, and the integrals of (size / largest)**power."""
         openings, passing = np.array(self.openings), np.array(self.passing)
         low, ratio = openings[:-1], openings[1:] / openings[:-1]
-        height = np.diff(passing) / np.log(ratio)
-        return low, ratio, height * (low / openings[-1]) ** power * growth(ratio, power)
+        height = np.diff(passing) / libm.log(ratio)
+        return low, ratio, height * libm.power(low / openings[-1], power) * growth(ratio, power)
 
     def _partial(self, sizes: Floats, power: int) -> Floats:
         """Integrate in closed form, bin by bin."""
@@ -113,8 +114,8 @@ class Sieve(SizeDistribution):
         place = np.minimum(np.searchsorted(total, want, side="right"), len(low) - 1)
         part = np.clip(1.0 - (total[place] - want) / weights[place], 0.0, 1.0)
         if power == 0:
-            return np.asarray(low[place] * ratio[place] ** part)
-        return np.asarray(low[place] * (1.0 + part * (ratio[place] ** power - 1.0)) ** (1.0 / power))
+            return np.asarray(low[place] * libm.power(ratio[place], part))
+        return np.asarray(low[place] * libm.power(1.0 + part * (libm.power(ratio[place], power) - 1.0), 1.0 / power))
 
 
 def curve_in_table(table: Any, unit: str | None) -> dict[str, tuple[float, ...] | None]:

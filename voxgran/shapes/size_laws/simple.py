@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, as_length, as_number
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -60,7 +61,7 @@ class Lognormal(SizeDistribution):
     def _scores(self, sizes: Floats, power: int) -> Floats:
         """Return the standard scores of sizes in the distribution weighted by size**power."""
         with np.errstate(divide="ignore", over="ignore"):
-            return np.asarray(np.log(np.maximum(sizes, 0.0) / self.median) / self.sigma - power * self.sigma)
+            return np.asarray(libm.log(np.maximum(sizes, 0.0) / self.median) / self.sigma - power * self.sigma)
 
     def _cuts(self, power: int) -> tuple[float, float]:
         """Return the shares below the two cuts."""
@@ -81,7 +82,7 @@ class Lognormal(SizeDistribution):
         """Invert in closed form; the median is a factor, so that a power of two scales without rounding."""
         below, above = self._cuts(power)
         score = load("scipy.special").ndtri(below + shares * (above - below))
-        sizes = self.median * np.exp(self.sigma * (score + power * self.sigma))
+        sizes = self.median * libm.exp(self.sigma * (score + power * self.sigma))
         return np.asarray(np.clip(sizes, self.low or 0.0, self.high or math.inf))
 
 
@@ -213,7 +214,7 @@ class Discrete(SizeDistribution):
         order = np.argsort(self.diameters, kind="stable")
         sizes = np.array(self.diameters, dtype=np.float64)[order]
         shares = np.array(self.weights, dtype=np.float64)[order] / sum(self.weights)
-        return sizes, shares * (sizes / sizes[-1]) ** power
+        return sizes, shares * libm.power(sizes / sizes[-1], power)
 
     def _partial(self, sizes: Floats, power: int) -> Floats:
         """Sum the steps."""
@@ -274,7 +275,7 @@ class Fixed(SizeDistribution):
 
 def growth(ratio: Floats, power: float) -> Floats:
     """Return the integral of x**(power - 1) from 1 to a ratio."""
-    return np.log(ratio) if power == 0 else (ratio**power - 1.0) / power
+    return libm.log(ratio) if power == 0 else (libm.power(ratio, power) - 1.0) / power
 
 
 def power_law(low: float, high: float, exponent: float, sizes: Floats, power: int) -> Floats:
@@ -288,6 +289,6 @@ def power_law_inverse(low: float, high: float, exponent: float, shares: Floats, 
     """Return the sizes at which the integral of `power_law` reaches shares of the whole."""
     ratio, total = high / low, power + exponent
     if total == 0:
-        return np.asarray(low * ratio**shares)
+        return np.asarray(low * libm.power(ratio, shares))
     # exact at both ends
-    return np.asarray(np.clip(low * (1.0 + shares * (ratio**total - 1.0)) ** (1.0 / total), low, high))
+    return np.asarray(np.clip(low * libm.power(1.0 + shares * (ratio**total - 1.0), 1.0 / total), low, high))

@@ -11,6 +11,7 @@ doi:10.1007/s10035-012-0356-x
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -69,9 +70,9 @@ def outline(found: Floats, phases: Floats, corners: int) -> Floats:
     angles = 2 * np.pi * np.arange(corners) / corners
     # the sum over harmonics, as the inverse of a discrete Fourier transform
     waves = np.zeros(corners // 2 + 1, dtype=np.complex128)
-    waves[: len(found)] = found * np.exp(1j * phases) / 2
+    waves[: len(found)] = found * libm.exp(1j * phases) / 2
     radius = 1 + np.fft.irfft(waves, corners) * corners
-    return radius[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    return radius[:, None] * np.column_stack([libm.cos(angles), libm.sin(angles)])
 
 
 registration = ShapeFamily(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -61,7 +62,7 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
         6 if parameters.corners is None else as_count(parameters.corners, "corners", at_least=3, at_most=MOST_CORNERS)
     )
     angles = 2 * np.pi * (np.arange(count) + 0.5) / count
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    ring = np.column_stack([libm.cos(angles), libm.sin(angles)])
     ring[:, 0] *= 1.0 if parameters.stretch is None else as_positive(parameters.stretch, "stretch")
     return sized(Outline("polygon", vertices=ring), parameters.diameter, name="polygon")
 

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
@@ -78,7 +79,7 @@ def make(parameters: CubeRain, generator: np.random.Generator) -> Shape:
     for k in range(1, parameters.cubes):
         centers[k] = _landed(centers[:k], edges[: k + 1], turns[: k + 1], parameters, generator)
     corners, faces, _ = unit_box()
-    solids = [(edges[k] * corners @ turns[k].T + centers[k], faces) for k in range(parameters.cubes)]
+    solids = [(linear.matmul(edges[k] * corners, turns[k].T) + centers[k], faces) for k in range(parameters.cubes)]
     raw = Shape.from_mesh(*united(solids), name="cube_rain")
     places = (centers - raw.offset) / raw.diameter
     record = {"centers": places, "edges": edges / raw.diameter, "orientations": orientations}
@@ -104,7 +105,7 @@ def _line(fall: str, generator: np.random.Generator) -> tuple[Floats, Floats]:
     frame = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
     if fall == "around":
         frame = rotation_matrices(random_rotations(generator, 1))[0]
-    return frame[2], radius * (np.cos(turn) * frame[0] + np.sin(turn) * frame[1])
+    return frame[2], radius * (libm.cos(turn) * frame[0] + libm.sin(turn) * frame[1])
 
 
 def _interval(away: Floats, direction: Floats, edges: Floats, turns: Floats, overlap: float) -> tuple[Floats, Floats]:
@@ -116,13 +117,14 @@ def _interval(away: Floats, direction: Floats, edges: Floats, turns: Floats, ove
     one, two = turns[:-1], np.broadcast_to(turns[-1], turns[:-1].shape)
     crossed = np.cross(one.transpose(0, 2, 1)[:, :, None], two.transpose(0, 2, 1)[:, None]).reshape(-1, 9, 3)
     axes = np.concatenate([one.transpose(0, 2, 1), two.transpose(0, 2, 1), crossed], axis=1)
-    length = np.linalg.norm(axes, axis=2, keepdims=True)
+    length = linear.norm(axes, axis=2, keepdims=True)
     # edges that are parallel give no axis of their own
     axes = np.where(length > 1e-9, axes / np.maximum(length, 1e-9), axes[:, :1])
     half = (
-        edges[:-1, None] * np.abs(axes @ one).sum(axis=2) + edges[-1] * np.abs(axes @ turns[-1]).sum(axis=2)
+        edges[:-1, None] * np.abs(linear.matmul(axes, one)).sum(axis=2)
+        + edges[-1] * np.abs(linear.matmul(axes, turns[-1])).sum(axis=2)
     ) / 2 - overlap * np.minimum(edges[:-1], edges[-1])[:, None]
-    begin, speed = np.einsum("nak,nk->na", axes, away), axes @ direction
+    begin, speed = linear.einsum("nak,nk->na", axes, away), linear.matmul(axes, direction)
     steep = np.where(np.abs(speed) < 1e-300, 1e-300, speed)
     first, last = (-half - begin) / steep, (half - begin) / steep
     return np.minimum(first, last).max(axis=1), np.maximum(first, last).min(axis=1)

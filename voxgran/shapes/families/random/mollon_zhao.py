@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -92,7 +93,7 @@ def variances_of(spectrum: FourierSpectrum) -> Floats:
             f"of small waves have longer ones too; give d_8 of at most {_largest_d_8(spectrum):.3g}, or a larger d_3"
         )
     if found[2] < -below:
-        least = float(np.sqrt(2 * section_table(len(found))[2, 3:] @ found[3:])) / DOWN
+        least = float(np.sqrt(linear.matmul(2 * section_table(len(found))[2, 3:], found[3:]))) / DOWN
         raise InputError(
             f"d_2 is {spectrum.d_2:g} with d_3 of {spectrum.d_3:g}: no random surface has such sections, since those "
             f"of small waves have longer ones too; give d_2 of at least {least:.3g}, or a smaller d_3"

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
@@ -62,7 +63,7 @@ def make(parameters: NoiseStar, generator: np.random.Generator) -> Shape:
     """Return a random grain."""
     directions, faces, _ = sphere(parameters.subdivisions)
     variances = variances_of(parameters.deviation, parameters.correlation_angle)
-    radius = np.exp(field_values(*random_coefficients(variances, generator), directions))
+    radius = libm.exp(field_values(*random_coefficients(variances, generator), directions))
     return sized(Mesh(radius[:, None] * directions, faces), parameters.diameter, name="noise_star")
 
 

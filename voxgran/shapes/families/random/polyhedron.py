@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -146,7 +147,7 @@ def sphere_swept(corners: Floats, radius: float, error: float) -> Mesh:
     edges = edges_of_hull(corners)
     points = [corners[ends] + radius * arc for ends, arc in _arcs(edges, spacing)]
     directions = sphere_points(count)
-    at = (directions @ corners.T).argmax(axis=1)
+    at = linear.matmul(directions, corners.T).argmax(axis=1)
     inner = _clear(directions, at, corners, edges, math.sin(CLEARANCE * spacing))
     points.append(corners[at[inner]] + radius * directions[inner])
     return hull_of_corners(np.unique(np.concatenate(points), axis=0))
@@ -159,7 +160,7 @@ def edges_of_hull(corners: Floats) -> Edges:
     here, side = np.nonzero(hull.neighbors > np.arange(len(faces))[:, None])
     there = hull.neighbors[here, side]
     # Qhull gives coplanar triangles the normal of their common face
-    sharp = np.linalg.norm(normals[here] - normals[there], axis=1) > COPLANAR
+    sharp = linear.norm(normals[here] - normals[there], axis=1) > COPLANAR
     here, there, side = here[sharp], there[sharp], side[sharp]
     # neighbor k of a triangle lies opposite to its corner k
     ends = np.stack([faces[here, (side + 1) % 3], faces[here, (side + 2) % 3]], axis=1)
@@ -169,15 +170,15 @@ def edges_of_hull(corners: Floats) -> Edges:
 def steiner_volume(corners: Floats, radius: float) -> float:
     """Return the volume of the Minkowski sum of the convex hull of corners and a sphere, in closed form."""
     solid, edges = hull_of(corners), edges_of_hull(corners)
-    lengths = np.linalg.norm(corners[edges.ends[:, 0]] - corners[edges.ends[:, 1]], axis=1)
+    lengths = linear.norm(corners[edges.ends[:, 0]] - corners[edges.ends[:, 1]], axis=1)
     curvature = float((lengths * _angles(edges)).sum()) / 2
     return solid.volume + radius * (solid.surface_area + radius * (curvature + 4 / 3 * math.pi * radius))
 
 
 def _angles(edges: Edges) -> Floats:
     """Return the exterior angles at the edges, (e,)."""
-    across = np.linalg.norm(np.cross(edges.one, edges.two), axis=1)
-    return np.arctan2(across, np.einsum("ei,ei->e", edges.one, edges.two))
+    across = linear.norm(np.cross(edges.one, edges.two), axis=1)
+    return libm.arctan2(across, linear.einsum("ei,ei->e", edges.one, edges.two))
 
 
 def _arcs(edges: Edges, spacing: float) -> list[tuple[Integers, Floats]]:
@@ -186,7 +187,7 @@ def _arcs(edges: Edges, spacing: float) -> list[tuple[Integers, Floats]]:
     for ends, one, two, angle in zip(edges.ends, edges.one, edges.two, _angles(edges), strict=True):
         steps = max(1, math.ceil(angle / spacing))
         share = np.arange(steps + 1)[:, None] / steps
-        arc = (np.sin((1 - share) * angle) * one + np.sin(share * angle) * two) / math.sin(angle)
+        arc = (libm.sin((1 - share) * angle) * one + libm.sin(share * angle) * two) / math.sin(angle)
         arc[0], arc[-1] = one, two
         found += [(np.full(steps + 1, end), arc) for end in ends]
     return found
@@ -196,8 +197,8 @@ def _clear(directions: Floats, at: Integers, corners: Floats, edges: Edges, leas
     """Return the numbers of the directions that are far enough from the edges of the cone of their corner."""
     near = np.full(len(directions), np.inf)
     for a, b in edges.ends:
-        along = (corners[a] - corners[b]) / np.linalg.norm(corners[a] - corners[b])
+        along = (corners[a] - corners[b]) / linear.norm(corners[a] - corners[b])
         for end, sign in ((a, 1.0), (b, -1.0)):
             mine = np.flatnonzero(at == end)
-            near[mine] = np.minimum(near[mine], sign * (directions[mine] @ along))
+            near[mine] = np.minimum(near[mine], sign * linear.matmul(directions[mine], along))
     return np.flatnonzero(near >= least)

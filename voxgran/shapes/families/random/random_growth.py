@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -111,7 +112,7 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
     rate = np.array(parameters.rates or (1.0, 1.0, 1.0), dtype=np.float64)
     rate /= rate.max()
     aspect = np.array(parameters.aspect or (1.0, 1.0, 1.0), dtype=np.float64)
-    log_aspect, adjusted = np.log(aspect), len(set(aspect.tolist())) > 1
+    log_aspect, adjusted = libm.log(aspect), len(set(aspect.tolist())) > 1
     cells, bonds = np.zeros((parameters.cubes, 3), dtype=np.int64), np.zeros(6 * parameters.cubes, dtype=np.int64)
     # half widths of the box of the cluster, which is made wider whenever a cube reaches its border
     radius = (parameters.cubes / np.prod(aspect)) ** (1 / 3)
@@ -135,7 +136,7 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
 def _chances(power: float) -> Floats:
     """Return the chances at which a bond is taken, by the number of neighbours of its place, (7,); at most 1."""
     many = np.arange(1, 7)
-    return np.concatenate([[0.0], (many / 6.0 if power > 1.0 else many * 1.0) ** (power - 1.0)])
+    return np.concatenate([[0.0], libm.power(many / 6.0 if power > 1.0 else many * 1.0, power - 1.0)])
 
 
 class Cluster(NamedTuple):

@@ -26,6 +26,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -225,7 +226,7 @@ def _base_solid(kind: Kind, ranges: list[tuple[float, float]], generator: np.ran
     solid = Primitive(kind, dimensions, (w, x, y, z))
     # by convexity the point is at least as deep as the core
     point = CORE * _deepest(solid) + (1.0 - CORE) * _inside(solid, generator)
-    return BaseSolid(solid, -(solid.matrix @ point))
+    return BaseSolid(solid, -linear.matmul(solid.matrix, point))
 
 
 def _deepest(solid: Primitive) -> Floats:
@@ -295,10 +296,10 @@ def faceted(solid: Primitive, error: float) -> tuple[Floats, Integers]:
         vertices = vertices * np.array(d)
     elif solid.kind in ("sphere", "ellipsoid"):
         vertices, faces = geodesic(frequency_for(error))
-        sixth = np.einsum("fi,fi->", normals_of(vertices[faces]), vertices[faces[:, 0]]) / 6
+        sixth = linear.einsum("fi,fi->", normals_of(vertices[faces]), vertices[faces[:, 0]]) / 6
         vertices = vertices * math.cbrt(4 / 3 * math.pi / sixth) * np.array(d * 3 if solid.kind == "sphere" else d)
     else:
         sides = sides_for(error)
         wider = math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
         vertices, faces, _ = revolved([(z, wider * radius) for z, radius in solid.profile(sides)], sides=sides)
-    return vertices @ solid.matrix.T, faces
+    return linear.matmul(vertices, solid.matrix.T), faces

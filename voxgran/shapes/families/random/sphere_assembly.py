@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -145,7 +146,7 @@ def _gaps(centers: Floats, radii: Floats, overlap: float, reach: float) -> tuple
     """Return all pairs (m,) of spheres that are short of their overlap by at most `reach`, and by how much."""
     slack = ROUNDING * float(radii.max())
     i, j, _ = near_pairs(centers, radii, reach + slack)
-    apart = np.linalg.norm(centers[i] - centers[j], axis=1)
+    apart = linear.norm(centers[i] - centers[j], axis=1)
     gap = apart - (radii[i] + radii[j] - overlap * np.minimum(radii[i], radii[j]))
     near = gap <= reach + slack
     return i[near], j[near], gap[near]

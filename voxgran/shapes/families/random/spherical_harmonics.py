@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Floats, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -108,7 +109,7 @@ def make(parameters: SphericalHarmonics, generator: np.random.Generator) -> Shap
         powers, record["share_hidden"] = spectrum_of(_given(parameters.like), parameters.degree)
     directions, faces, _ = sphere(parameters.subdivisions)
     stretch = np.array([as_positive(value, "aspect") for value in parameters.aspect])
-    radius = np.exp(field_values(*coefficients_of_powers(powers, generator), directions))
+    radius = libm.exp(field_values(*coefficients_of_powers(powers, generator), directions))
     mesh = Mesh(radius[:, None] * directions * stretch, faces)
     return sized(mesh, parameters.diameter, name="spherical_harmonics", record={"powers": powers, **record})
 
@@ -118,7 +119,7 @@ def power_law(parameters: SphericalHarmonics) -> Floats:
     roughness = 0.15 if parameters.roughness is None else parameters.roughness
     exponent = 3.0 if parameters.exponent is None else parameters.exponent
     degrees = np.arange(2, parameters.degree + 1, dtype=np.float64)
-    law = degrees**-exponent
+    law = libm.power(degrees, -exponent)
     return np.array([0.0, 0.0, *(roughness**2 * law / law.sum())])
 
 
@@ -135,7 +136,7 @@ def spectrum_of(shape: Shape, degree: int) -> tuple[Floats, float]:
     """
     directions, weights = sphere_quadrature(degree + 1 + MORE)
     radii, hidden = radii_of(shape, directions)
-    powers = powers_of(*coefficients_of(degree + 1, directions, weights, np.log(radii)))
+    powers = powers_of(*coefficients_of(degree + 1, directions, weights, libm.log(radii)))
     powers[0] = 0.0
     return powers, hidden
 

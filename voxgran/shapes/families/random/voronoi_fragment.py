@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import linear
 from voxgran._base.arrays import Floats, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -129,7 +130,7 @@ def voronoi_cell(seeds: Floats, k: int, lengths: Floats, boundary: Literal["peri
         # a cell is no longer than the period along any axis, so that another image is nearer to all of its points
         others = others[(np.abs(others) <= lengths * (1 + SAME)).all(axis=1)]
     # planes n x = 1 of a convex solid about the origin are the corners of its dual, and faces of the dual its corners
-    normals = 2 * others / np.einsum("ni,ni->n", others, others)[:, None]
+    normals = 2 * others / linear.einsum("ni,ni->n", others, others)[:, None]
     dual = load("scipy.spatial").ConvexHull(normals)
     corners = -dual.equations[:, :3] / dual.equations[:, 3:]
     # more than three planes may meet at a point, and the dual then has several triangles in one face

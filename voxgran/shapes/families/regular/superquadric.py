@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.lazy import load
@@ -120,7 +121,7 @@ def superellipse(exponent: float, axes: Floats, error: float) -> Floats:
 def _norm(one: Floats, two: Floats, exponent: float) -> Floats:
     """Return ``(one^p + two^p)^(1/p)`` with p = 2 / exponent, for numbers of at least 0, without overflow."""
     large, small = np.maximum(one, two), np.minimum(one, two)
-    return np.asarray(large * (1 + (small / large) ** (2 / exponent)) ** (exponent / 2))
+    return np.asarray(large * libm.power(1 + libm.power(small / large, 2 / exponent), exponent / 2))
 
 
 def _distance(points: Floats, axes: Floats, exponent: float) -> Floats:
@@ -129,10 +130,10 @@ def _distance(points: Floats, axes: Floats, exponent: float) -> Floats:
     The points (n, 2) are those of unit axes, the distances those of the true ones.
     """
     x, y = points.T
-    radial = np.linalg.norm(points * axes, axis=1) * np.abs(1 / _norm(x, y, exponent) - 1)
+    radial = linear.norm(points * axes, axis=1) * np.abs(1 / _norm(x, y, exponent) - 1)
     power = 2 / exponent
-    along_x = axes[0] * np.abs((1 - np.minimum(y, 1.0) ** power) ** (1 / power) - x)
-    along_y = axes[1] * np.abs((1 - np.minimum(x, 1.0) ** power) ** (1 / power) - y)
+    along_x = axes[0] * np.abs(libm.power(1 - libm.power(np.minimum(y, 1.0), power), 1 / power) - x)
+    along_y = axes[1] * np.abs(libm.power(1 - libm.power(np.minimum(x, 1.0), power), 1 / power) - y)
     return np.asarray(np.min([radial, along_x, along_y], axis=0))
 
 

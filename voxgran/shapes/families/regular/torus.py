@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
@@ -81,8 +82,8 @@ def _mesh(major: float, minor: float, tolerance: float) -> Mesh:
         max(8, math.ceil(math.pi / math.acos(max(1 - error / radius, 0.5)))) for radius in (major + minor, minor)
     )
     turn, tilt = 2 * np.pi * np.arange(around) / around, 2 * np.pi * np.arange(across) / across
-    flat = (major + minor * np.cos(tilt))[None, :]
-    x, y, z = np.cos(turn)[:, None] * flat, np.sin(turn)[:, None] * flat, minor * np.sin(tilt)
+    flat = (major + minor * libm.cos(tilt))[None, :]
+    x, y, z = libm.cos(turn)[:, None] * flat, libm.sin(turn)[:, None] * flat, minor * libm.sin(tilt)
     vertices = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1).reshape(-1, 3)
     i, j = (index.ravel() for index in np.indices((around, across)))
     a, d = i * across + j, i * across + (j + 1) % across

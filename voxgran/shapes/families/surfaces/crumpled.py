@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -83,7 +84,7 @@ class Folded:
         """Return mean length and number of the straight creases between crossings and rims."""
         if not len(self.creases):
             return np.inf, 0
-        total = np.linalg.norm(self.flat[self.creases[:, 0]] - self.flat[self.creases[:, 1]], axis=1).sum()
+        total = linear.norm(self.flat[self.creases[:, 0]] - self.flat[self.creases[:, 1]], axis=1).sum()
         # where two edges of a crease meet, a crease goes on across an edge of triangles that is not folded
         number = len(self.creases) - int((np.bincount(self.creases.ravel()) == 2).sum())
         return float(total / number), number
@@ -112,7 +113,7 @@ def make(parameters: Crumpled, generator: np.random.Generator) -> Shape:
             )
         sheet, folds = new, folds + 1
     ends, _ = edges_of(sheet.faces)
-    before, after = (np.linalg.norm(at[ends[:, 0]] - at[ends[:, 1]], axis=1) for at in (sheet.flat, sheet.vertices))
+    before, after = (linear.norm(at[ends[:, 0]] - at[ends[:, 1]], axis=1) for at in (sheet.flat, sheet.vertices))
     length, number = sheet.mean_length()
     told = {
         "folds": folds,
@@ -131,12 +132,12 @@ def _next(sheet: Folded, angles: tuple[float, float], generator: np.random.Gener
         a, b, c = sheet.vertices[face]
         u, v = generator.random(2)
         u, v = (1 - u, 1 - v) if u + v > 1 else (u, v)
-        along, normal = (b - a) / np.linalg.norm(b - a), np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
+        along, normal = (b - a) / linear.norm(b - a), np.cross(b - a, c - a)
+        normal /= linear.norm(normal)
         turn = 2 * np.pi * generator.random()
-        across = np.cos(turn) * along + np.sin(turn) * np.cross(normal, along)
+        across = libm.cos(turn) * along + libm.sin(turn) * np.cross(normal, along)
         half = np.deg2rad(generator.uniform(*angles)) / 2 * 0.5 ** (trial // GENTLER)
-        direction = np.sin(half) * across + np.cos(half) * (1 if generator.random() < 0.5 else -1) * normal
+        direction = libm.sin(half) * across + libm.cos(half) * (1 if generator.random() < 0.5 else -1) * normal
         new = folded(sheet, a + u * (b - a) + v * (c - a), direction)
         if new is not None and count_crossings(new.vertices, new.faces) == 0:
             return new
@@ -145,7 +146,7 @@ def _next(sheet: Folded, angles: tuple[float, float], generator: np.random.Gener
 
 def folded(sheet: Folded, point: Floats, direction: Floats) -> Folded | None:
     """Return a sheet with all that lies beyond a plane reflected in it; None where a vertex is too near the plane."""
-    height = (sheet.vertices - point) @ direction
+    height = linear.matmul(sheet.vertices - point, direction)
     if np.abs(height).min() < CLEAR:
         return None
     ends, index = edges_of(sheet.faces)
@@ -162,7 +163,9 @@ def folded(sheet: Folded, point: Floats, direction: Floats) -> Folded | None:
     on = np.sort(new[index], axis=1)
     added = on[on[:, 1] >= 0][:, 1:]
     base = int(sheet.faces.max()) + 1
-    where = np.searchsorted(ends[:, 0] * base + ends[:, 1], np.sort(sheet.creases, axis=1) @ np.array([base, 1]))
+    where = np.searchsorted(
+        ends[:, 0] * base + ends[:, 1], linear.matmul(np.sort(sheet.creases, axis=1), np.array([base, 1]))
+    )
     halved = new[where] >= 0
     middle = new[where][halved]
     old = sheet.creases[halved]

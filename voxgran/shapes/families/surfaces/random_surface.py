@@ -6,6 +6,7 @@ themselves.
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
@@ -65,7 +66,7 @@ def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
     number = 2 * np.pi * parameters.max_frequency * (0.5 + 0.5 * generator.random(parameters.waves))
     z = np.zeros_like(x)
     for k in range(parameters.waves):
-        z += np.sin(number[k] * (np.cos(turn[k]) * x + np.sin(turn[k]) * y) + start[k])
+        z += libm.sin(number[k] * (libm.cos(turn[k]) * x + libm.sin(turn[k]) * y) + start[k])
     z -= z.mean()
     z *= parameters.height / np.sqrt((z**2).mean())
     vertices = np.column_stack([x.ravel(), y.ravel(), z.ravel()])

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import Integers, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -61,8 +62,8 @@ def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
     if parameters.roll:
         angle = np.deg2rad(parameters.roll)
         # the strips together are as long as the sheet
-        radius = length / (2 * strips * np.sin(angle / (2 * strips)))
-        x, z = radius * np.sin(angle * share), radius * (1.0 - np.cos(angle * share))
+        radius = length / (2 * strips * libm.sin(angle / (2 * strips)))
+        x, z = radius * libm.sin(angle * share), radius * (1.0 - libm.cos(angle * share))
     rows = [np.column_stack([x, np.full(strips + 1, y), z]) for y in (-width / 2, width / 2)]
     geometry = Surface(np.concatenate(rows), lattice_faces(strips, 1))
     if parameters.lengths is not None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from voxgran._base import libm
 from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -52,8 +53,8 @@ def make(parameters: Shell, generator: np.random.Generator) -> Shape:
     rings = max(2, int(np.ceil(parameters.opening / 2 / RING)))
     down = np.deg2rad(parameters.opening / 2) * np.arange(1, rings + 1) / rings
     around = 2 * np.pi * np.arange(SIDES) / SIDES
-    flat = np.sin(down)[:, None] * np.stack([np.cos(around), np.sin(around)])[:, None]
-    level = np.broadcast_to(np.cos(down)[:, None], flat.shape[1:])
+    flat = libm.sin(down)[:, None] * np.stack([libm.cos(around), libm.sin(around)])[:, None]
+    level = np.broadcast_to(libm.cos(down)[:, None], flat.shape[1:])
     vertices = np.concatenate([[[0.0, 0.0, 1.0]], np.stack([*flat, level], axis=-1).reshape(-1, 3)])
     k, after = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
     faces = [np.column_stack([np.zeros(SIDES, dtype=np.int64), 1 + k, 1 + after])]
