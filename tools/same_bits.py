@@ -16,8 +16,21 @@ from pathlib import Path
 NOT_RESULTS = ("app", "bench", "cli", "report", "study", "testing", "thumbnail")
 #: what NumPy hands to BLAS or LAPACK
 PRODUCTS = (
-    *("convolve", "corrcoef", "correlate", "cov", "dot", "einsum", "inner", "matmul", "matvec", "polyfit", "tensordot"),
-    *("vdot", "vecdot", "vecmat"),
+    *(
+        "convolve",
+        "corrcoef",
+        "correlate",
+        "cov",
+        "dot",
+        "einsum",
+        "inner",
+        "linalg",
+        "matmul",
+        "matvec",
+        "polyfit",
+        "polynomial",
+    ),
+    *("roots", "tensordot", "vdot", "vecdot", "vecmat"),
 )
 #: what NumPy computes by the instructions of the processor
 FUNCTIONS = (
@@ -64,7 +77,9 @@ def _name(node: ast.AST) -> str:
             return called
     if isinstance(node, ast.Attribute):
         whole = ast.unparse(node)
-        if whole == "np.linalg" or (whole.startswith("np.") and whole[3:] in (*PRODUCTS, *FUNCTIONS)):
+        if whole in ("np.linalg", "np.polynomial", "np.roots") or (
+            whole.startswith("np.") and whole[3:] in (*PRODUCTS, *FUNCTIONS)
+        ):
             return whole
     return ""
 

@@ -22,6 +22,8 @@ SMALL = 6
 COLUMNS = 8
 #: most sweeps of Jacobi's method, which ends after 5 to 10
 SWEEPS = 60
+#: steps of Newton's method to the nodes of a quadrature, whose first guess has three digits at least
+NEWTON = 5
 #: scalar product of two unit vectors below which they count as orthogonal, in units in the last place of 1
 ORTHOGONAL = 2.0**-52
 
@@ -363,6 +365,24 @@ def conjugate_gradient(
         x += step * direction
         residual -= step * pushed
     return x
+
+
+def gauss_legendre(count: int) -> tuple[Floats, Floats]:
+    """Return the nodes, rising, and the weights of the Gauss-Legendre rule on (-1, 1), by Newton's method.
+
+    `numpy.polynomial.legendre.leggauss` begins with eigenvalues of LAPACK.
+    """
+    nodes = np.array([-math.cos(math.pi * (k + 0.75) / (count + 0.5)) for k in range(count)])
+    slope = np.ones(count)
+    for _ in range(NEWTON):
+        before, value = np.ones(count), nodes.copy()
+        for degree in range(2, count + 1):
+            before, value = value, ((2 * degree - 1) * nodes * value - (degree - 1) * before) / degree
+        slope = count * (nodes * value - before) / (nodes**2 - 1.0)
+        nodes -= value / slope
+    nodes = (nodes - nodes[::-1]) / 2.0
+    weights = 2.0 / ((1.0 - nodes**2) * slope**2)
+    return nodes, (weights + weights[::-1]) / 2.0
 
 
 def _called(kernel: Kernel, size: int) -> Callable[..., Any]:

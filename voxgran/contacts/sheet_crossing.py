@@ -26,10 +26,7 @@ from voxgran.geometry.tree import TriangleTree
 from voxgran.geometry.triangles import normals_of
 
 #: three perpendicular directions that are parallel to no common edge, in rows
-AXES = linear.matmul(
-    np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0,
-    np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]),
-)
+AXES = np.array([[3.4, 1.2, 6.0], [-1.2, -6.6, 2.0], [6.0, -2.0, -3.0]]) / 7.0
 #: tilt of each direction
 TILT = 1e-4 * AXES[0]
 #: lengths of the steps from the best direction to those about it

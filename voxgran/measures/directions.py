@@ -283,7 +283,8 @@ def wave_products(way: Floats, share: Floats, turns: Floats) -> Floats:
     signs = wave_signs(way.shape[1])
     total = np.zeros((2 * len(signs), len(multisets(way.shape[1]))))
     for some in _blocks(way):
-        along = libm.exp(2j * np.pi * turns[some].T)
+        angle = 2 * np.pi * turns[some].T
+        along = libm.cos(angle) + 1j * libm.sin(angle)
         # a wave is the product of those along the axes
         axes = [[one if sign > 0 else one.conj() for sign, one in zip(row, along, strict=True) if sign]
                 for row in signs]  # fmt: skip

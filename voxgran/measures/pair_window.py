@@ -113,7 +113,7 @@ class PairWindow:
 
     def pair_shares(self, edges: Floats) -> Floats:
         """Return the share of the weight of all pairs of independent points that have a distance in each bin, (k,)."""
-        nodes, weights = np.polynomial.legendre.leggauss(4)
+        nodes, weights = linear.gauss_legendre(4)
         half = np.diff(edges) / 2
         distance = (edges[:-1] + half)[:, None] + half[:, None] * nodes
         d = len(self.lower)
@@ -172,7 +172,7 @@ def _risen(depth: Floats, rise: float) -> Floats:
 
 def _directions(dimension: int) -> tuple[Floats, Floats]:
     """Return directions (m, d) of all signs above 0, and their shares (m,) of all of these."""
-    nodes, shares = np.polynomial.legendre.leggauss(ANGLES)
+    nodes, shares = linear.gauss_legendre(ANGLES)
     nodes, shares = (nodes + 1) / 2, shares / 2
     flat = np.stack([libm.cos(np.pi / 2 * nodes), libm.sin(np.pi / 2 * nodes)], axis=1)
     if dimension == 2:

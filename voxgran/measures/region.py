@@ -348,7 +348,7 @@ def _quadrature(apart: Floats, radius: Floats, ends: Floats, points: int) -> Flo
     touch = [np.sqrt(np.maximum(0.0, 1.0 - r**2)) for r in (np.abs(apart - radius), apart + radius)]
     marks = np.stack([ends[0], -touch[0], -touch[1], touch[1], touch[0], ends[1]])
     marks = np.clip(marks, ends[0], ends[1])
-    nodes, weights = np.polynomial.legendre.leggauss(points)
+    nodes, weights = linear.gauss_legendre(points)
     places, slopes = libm.sin(np.pi / 2 * nodes), np.pi / 2 * libm.cos(np.pi / 2 * nodes) * weights
     half = np.diff(marks, axis=0) / 2
     middle = (marks[1:] + marks[:-1]) / 2

@@ -109,7 +109,7 @@ def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:
     _choose_poles(centers, radii, start, neighbours, _directions(), poles, sums)
     most = int(np.diff(start).max(initial=0)) + 1
     buffers = np.zeros((most, 2)), np.zeros((most, 6)), np.zeros(most, dtype=np.int64)
-    rule = np.array(np.polynomial.legendre.leggauss(12))
+    rule = np.array(linear.gauss_legendre(12))
     union = Union(centers, radii, start, neighbours, poles, *buffers, rule)
     _integrate(union, i, j, sums)
     excess = np.abs(sums[:, 0] - 2 * math.pi) - 2 * math.pi

@@ -25,7 +25,7 @@ def round_shares(middles: Floats, stretch: Floats, curve: Floats, ends: Floats) 
     `stretch` (3, 3) maps voxels to the frame of the axis, in which the squared radius at the height t is c0 + c1 t + c2
     t^2 with c in `curve` (3,), between the lowest and highest t in `ends` (2,).
     """
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = linear.gauss_legendre(NODES)
     angle = np.pi / 2 * (nodes + 1)
     place, weight = (1 - libm.cos(angle)) / 2, np.pi / 4 * weights * libm.sin(angle)
     share = np.zeros(len(middles))

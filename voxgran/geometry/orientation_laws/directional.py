@@ -223,7 +223,7 @@ def bingham_moments(kappas: Floats) -> Floats:
         found = np.array([1.0 - ratio, 1.0 + ratio]) / 2.0
     else:
         ends = np.concatenate([[0.0], 0.5 ** np.arange(HALVINGS, -1, -1.0)])
-        node, share = np.polynomial.legendre.leggauss(NODES)
+        node, share = linear.gauss_legendre(NODES)
         half = 0.5 * np.diff(ends)[:, None]
         under = (ends[:-1, None] + half * (1.0 + node)).ravel()
         square = under * (2.0 - under)

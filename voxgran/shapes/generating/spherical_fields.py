@@ -54,7 +54,7 @@ def sphere_quadrature(degrees: int) -> tuple[Floats, Floats]:
 
     They are Gauss-Legendre nodes along z and equal steps around it.
     """
-    z, weights = np.polynomial.legendre.leggauss(degrees)
+    z, weights = linear.gauss_legendre(degrees)
     turns = np.pi * np.arange(2 * degrees) / degrees
     flat = np.sqrt(1 - z * z)[:, None]
     around = [flat * libm.cos(turns), flat * libm.sin(turns), np.broadcast_to(z[:, None], (degrees, 2 * degrees))]

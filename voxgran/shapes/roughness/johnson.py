@@ -102,9 +102,8 @@ def johnson(skewness: float, kurtosis: float) -> Johnson:
     if skewness == 0.0 and kurtosis == 3.0:
         return Johnson("normal")
     sign, skewness = math.copysign(1.0, skewness), abs(skewness)
-    # the lognormal heights of this skewness
-    root = np.roots([1.0, 3.0, 0.0, -4.0 - skewness**2])
-    w = float(root[np.abs(root.imag) < 1e-12].real.max())
+    # the lognormal heights of this skewness, the positive root of w^3 + 3 w^2 - 4 = skewness^2
+    w = 2.0 * math.cosh(math.acosh(1.0 + skewness**2 / 2.0) / 3.0) - 1.0
     border = w**4 + 2 * w**3 + 3 * w**2 - 3
     if skewness > 0.05 and abs(kurtosis - border) < 1e-6 * border:
         kind, gamma, delta = "lognormal", 0.0, 1.0 / math.sqrt(math.log(w))

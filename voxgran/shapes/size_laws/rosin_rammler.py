@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats, as_length
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
@@ -113,7 +113,7 @@ def _panels(law: RosinRammler, power: int) -> tuple[Floats, Floats]:
 
 def _gauss(law: RosinRammler, power: int, start: Floats, end: Floats) -> Floats:
     """Integrate score**(power / spread) over the distribution between logarithms of scores, by 6 points of Gauss."""
-    places, weights = np.polynomial.legendre.leggauss(6)
+    places, weights = linear.gauss_legendre(6)
     half = 0.5 * (end - start)
     total = np.zeros(np.shape(half))
     for place, weight in zip(places, weights, strict=True):

@@ -70,7 +70,7 @@ def outline(found: Floats, phases: Floats, corners: int) -> Floats:
     angles = 2 * np.pi * np.arange(corners) / corners
     # the sum over harmonics, as the inverse of a discrete Fourier transform
     waves = np.zeros(corners // 2 + 1, dtype=np.complex128)
-    waves[: len(found)] = found * libm.exp(1j * phases) / 2
+    waves[: len(found)] = found * (libm.cos(phases) + 1j * libm.sin(phases)) / 2
     radius = 1 + np.fft.irfft(waves, corners) * corners
     return radius[:, None] * np.column_stack([libm.cos(angles), libm.sin(angles)])
 
