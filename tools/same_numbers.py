@@ -1,196 +1,33 @@
 #!/usr/bin/env python3
-"""Keep the numbers of small jobs, or compare them: ``same_numbers.py keep FILE.npz [JOB ...]``, ``compare OLD NEW``.
+"""Keep the numbers of small jobs, or compare them: ``same_numbers.py keep FILE.npz [JOB ...]``, ``compare OLD NEW``,
+``bits``.
 
 It shows that a change of the code changes no number. The jobs are packings of all methods in all kinds of container,
 settled beds, clumps, measures, verification and images. ``compare`` lists the jobs whose bits differ, with the largest
-difference in units of the largest value, and ends with status 1 if there are any.
+difference in units of the largest value, and ends with status 1 if there are any. ``bits`` writes what tests and
+`voxgran doctor` compare results with: tests/reference/bits.csv, and the table in voxgran/cli/bits.py.
 """
 
 import argparse
-import itertools
+import importlib.metadata
+import re
 import sys
 import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 
 import voxgran as vg
+from voxgran.cli import bits
 
-#: what makes a method quick here
-QUICK = {"sweeps": 60, "cycles": 1, "voxel_size": 0.12, "spacing": 0.25, "orientations": 4}
-BOUNDS = np.array([(0, 0), (3, 0), (3, 1.4), (1.4, 1.4), (1.4, 3), (0, 3)])
-
-
-def containers():
-    """Return containers of all kinds by name."""
-    corner = vg.ClosedMesh(vg.make_shape("convex_polyhedron", seed=4, points=14, diameter=4.2))
-    return {
-        "periodic box": vg.Box((3.2, 3.2, 4.0), periodic="xy"),
-        "box": vg.Box((3.0, 3.0, 4.0)),
-        "cylinder": vg.Cylinder(1.7, 4.0),
-        "sphere": vg.Sphere(2.0),
-        "mesh": corner,
-        "periodic rectangle": vg.Rectangle((5.0, 5.0), periodic="x"),
-        "disk": vg.Disk(2.6),
-        "polygon": vg.Polygon(2.0 * BOUNDS),
-    }
-
-
-def shapes(dimension, method):
-    """Return two shapes of one dimension that a method takes."""
-    if dimension == 2:
-        return [vg.make_shape("disk", diameter=0.8), vg.make_shape("polygon", corners=5, diameter=0.9)]
-    sphere = vg.make_shape("sphere", diameter=0.8)
-    if method == "multilayer":
-        return [sphere]
-    return [sphere, vg.make_shape("convex_polyhedron", seed=3, points=10, diameter=0.9)]
-
-
-def parameters(method):
-    """Return the parameters that make a method quick."""
-    from voxgran.packing.method import method_registry
-
-    known = method_registry().get(method).parameters.__dataclass_fields__
-    return {key: value for key, value in QUICK.items() if key in known}
-
-
-def of_packing(packing):
-    """Return the arrays of a packing."""
-    names = ("shape_id", "scale", "position", "orientation")
-    return {name: np.asarray(getattr(packing, name)) for name in names} | {"why": np.array(packing.stop_reason)}
-
-
-def packing_job(method, name, container):
-    """Return the arrays of a packing, or the sentence that refuses it."""
-    own = shapes(container.dimension, method)
-    own = own[:1] if method == "apollonian" else own
-    extra = {"count": 14} | ({"solid_fraction": 0.3} if method == "expand" else {})
-    if method == "multilayer":
-        extra = {}
-    return lambda: of_packing(vg.pack(own, container, method, seed=5, **extra, **parameters(method)))
-
-
-def packing_jobs():
-    """Return jobs of all methods in all containers."""
-    everything = itertools.product(vg.packing_methods(), containers().items())
-    return {f"pack {method} in {name}": packing_job(method, name, place) for method, (name, place) in everything}
-
-
-GRAINS = {
-    "sphere": {},
-    "ellipsoid": {"axes": (1.0, 0.8, 0.6)},
-    "box": {},
-    "cylinder": {},
-    "spherocylinder": {},
-    "convex_polyhedron": {"points": 12},
-    "superquadric": {},
-    "solid_union": {"solids": 3},
-    "sphere_assembly": {"spheres": 4},
-    "torus": {},
-}
-FLAT_GRAINS = ("disk", "polygon", "mollon_zhao_2d")
-
-
-def grain(family, **known):
-    """Return a shape of a family, with the parameters that it knows."""
-    try:
-        return vg.make_shape(family, seed=2, **known)
-    except (TypeError, ValueError):
-        return vg.make_shape(family, seed=2)
-
-
-def bed_jobs():
-    """Return jobs of settled beds."""
-    places = {name: place for name, place in containers().items() if name in ("periodic box", "cylinder", "mesh")}
-
-    def job(family, known, place):
-        def run():
-            loose = vg.pack([grain(family, **known)], place, "rsa", count=16, seed=7, sizes=vg.sizes.uniform(0.6, 0.9))
-            return of_packing(vg.settle(loose, friction=0.3, gravity="-z" if place.dimension == 3 else "-y"))
-
-        return run
-
-    jobs = {
-        f"settle {family} in {name}": job(family, known, place)
-        for family, known in GRAINS.items()
-        for name, place in list(places.items())[:: 1 if family in ("sphere", "convex_polyhedron") else 3]
-    }
-    flat = {name: place for name, place in containers().items() if place.dimension == 2}
-    jobs |= {
-        f"settle {family} in {name}": job(family, {}, place)
-        for family in FLAT_GRAINS
-        for name, place in list(flat.items())[:: 1 if family == "disk" else 2]
-    }
-    return jobs
-
-
-def clump_jobs():
-    """Return jobs of clumps."""
-
-    def job(method, family, known):
-        def run():
-            clump = vg.fit_clump(grain(family, **known), method=method, max_spheres=8, seed=1)
-            return {"centers": clump.centers, "radii": clump.radii}
-
-        return run
-
-    solids = {key: GRAINS[key] for key in ("convex_polyhedron", "solid_union", "cylinder", "torus")}
-    everything = itertools.product(vg.clump_methods(), solids.items())
-    return {f"clump {method} of {family}": job(method, family, known) for method, (family, known) in everything}
-
-
-def of_datasets(*datasets):
-    """Return the numbers of datasets by their number and name; times are none of them."""
-    values = {
-        f"{k}:{name}": np.asarray(value) for k, one in enumerate(datasets) for name, value in one.data_vars.items()
-    }
-    return {name: value for name, value in values.items() if value.dtype.kind in "fiub" and "seconds" not in name}
-
-
-def measured_jobs():
-    """Return jobs of measures, proofs, equilibria and images of packings."""
-    kinds = [
-        ("gravity", "periodic box"),
-        ("gravity", "cylinder"),
-        ("rsa", "box"),
-        ("rsa", "mesh"),
-        ("jam", "periodic box"),
-    ]
-    kinds += [("gravity", "periodic rectangle"), ("rsa", "disk"), ("deposition", "cylinder"), ("rsa", "polygon")]
-    kinds += [("advancing_front", "sphere")]
-    jobs = {}
-    for method, name in kinds:
-        make = made(method, name)
-        jobs[f"measure {method} in {name}"] = lambda make=make: of_datasets(*vg.measure(make()).subtree)
-        jobs[f"verify {method} in {name}"] = lambda make=make: of_proof(make())
-        jobs[f"image {method} in {name}"] = lambda make=make: {
-            "labels": np.asarray(vg.to_image(make(), voxel_size=0.1))
-        }
-        if method == "gravity":
-            jobs[f"equilibrium {method} in {name}"] = lambda make=make: of_datasets(vg.equilibrium(make()))
-    return jobs
-
-
-def made(method, name):
-    """Return a function that packs."""
-    place = containers()[name]
-    own = shapes(place.dimension, method)[: 1 if method == "deposition" else 2]
-    return lambda: vg.pack(own, place, method, count=24, seed=9)
-
-
-def of_proof(packing):
-    """Return the gaps of a packing and what verification says."""
-    proof = vg.verify(packing)
-    contacts = packing.contacts(0.2)
-    arrays = {
-        name: np.asarray(getattr(contacts, name)) for name in ("first", "second", "gap") if hasattr(contacts, name)
-    }
-    return arrays | {"deepest": np.array(proof.deepest), "ok": np.array(proof.ok)}
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from jobs import all_jobs, reference_jobs
 
 
 def keep(file, wanted):
     """Run the jobs and write what they give, with the CPU seconds of each on standard output."""
-    jobs = packing_jobs() | bed_jobs() | clump_jobs() | measured_jobs()
+    jobs = all_jobs()
     arrays = {}
     for name, job in jobs.items():
         if wanted and not any(word in name for word in wanted):
@@ -231,6 +68,23 @@ def compare(old, new):
     return len(differ)
 
 
+def keep_bits():
+    """Write the bits of the reference jobs, with the versions of the libraries that made them."""
+    root, found = Path(__file__).resolve().parents[1], {}
+    for name, job in reference_jobs().items():
+        with warnings.catch_warnings(action="ignore"):
+            found[name] = bits.digest(job())
+    rows = "".join(f"{name},{digest}\n" for name, digest in found.items())
+    (root / "tests" / "reference" / "bits.csv").write_text("job,bits\n" + rows)
+    source = root / "voxgran" / "cli" / "bits.py"
+    text = source.read_text()
+    versions = {name: importlib.metadata.version(name) for name in bits.VERSIONS}
+    for table, values in (("VERSIONS", versions), ("REFERENCE", {name: found[name] for name in bits.jobs()})):
+        lines = "".join(f'    "{name}": "{value}",\n' for name, value in values.items())
+        text = re.sub(rf"(?ms)^{table}(: [^=]*)? = {{.*?}}$", rf"{table}\1 = {{\n{lines}}}", text)
+    source.write_text(text)
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     tasks = parser.add_subparsers(dest="task", required=True)
@@ -238,8 +92,11 @@ if __name__ == "__main__":
         one = tasks.add_parser(task)
         one.add_argument("file", metavar=first)
         one.add_argument("rest", metavar=second, nargs=many)
+    tasks.add_parser("bits")
     given = parser.parse_args()
-    if given.task == "keep":
+    if given.task == "bits":
+        keep_bits()
+    elif given.task == "keep":
         keep(given.file, given.rest)
     else:
         sys.exit(min(compare(given.file, given.rest), 1))

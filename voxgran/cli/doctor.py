@@ -7,13 +7,13 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import voxgran
 from voxgran._base.errors import MissingLibraryError
-from voxgran._base.kernels import cache_folder
+from voxgran._base.kernels import cache_folder, telling_of_compilation
 from voxgran._base.lazy import LIBRARIES, load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.stopping import undone_at_end
@@ -52,7 +52,8 @@ def doctor(options: argparse.Namespace) -> int:
     """Say what this machine has and how to mend what is missing, or compile kernels beforehand."""
     if options.warm:
         return _warm(options)
-    findings = list(examine())
+    with telling_of_compilation(_say_once()):
+        findings = list(examine())
     good = all(finding.good for finding in findings)
     if options.json:
         rows = {finding.name: asdict(finding) for finding in findings}
@@ -63,6 +64,18 @@ def doctor(options: argparse.Namespace) -> int:
         print(f"{finding.name:16} {finding.value}" + ("" if finding.good else f"   <- {finding.remedy}"))
     print("all good" if good else "what is marked <- needs mending")
     return 0 if good else 1
+
+
+def _say_once() -> Callable[[], None]:
+    """Return what says, when it is called first, that kernels are compiled."""
+    said: list[bool] = []
+
+    def say() -> None:
+        if not said:
+            print("compiling the kernels of ten small jobs (once per machine): about a minute", file=sys.stderr)
+            said.append(True)
+
+    return say
 
 
 def _warm(options: argparse.Namespace) -> int:
@@ -85,16 +98,32 @@ def _warm(options: argparse.Namespace) -> int:
 
 
 def examine() -> Iterator[Finding]:
-    """Look at libraries, pictures, threads, memory and disk, one finding each."""
+    """Look at libraries, pictures, bits of results, threads, memory and disk, one finding each."""
     floors = _floors()
     for name in ("numpy", *LIBRARIES):
         yield _library(name, floors)
     yield _picture()
+    yield _same_bits()
     yield Finding("threads", f"{processor_count()} of {os.cpu_count()} processors may be used")
     free = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES")
     yield Finding("memory", f"{memory_limit() / 2**30:.1f} GiB, {free / 2**30:.1f} GiB of it free")
     yield _disk("disk here", Path.cwd())
     yield _disk("kernel cache", cache_folder())
+
+
+def _same_bits() -> Finding:
+    """Compute ten small jobs, and compare their bits with those of other machines."""
+    from voxgran.cli.bits import REFERENCE, differing, other_versions
+
+    differ, of = differing(), f"of {len(REFERENCE)} small jobs"
+    if not differ:
+        return Finding("bits", f"the results {of} are those of all x86-64-v3 processors")
+    value = f"the results of {len(differ)} {of} differ from the reference: {', '.join(differ)}"
+    if others := other_versions():
+        versions = ", ".join(f"{name} {version}" for name, version in others.items())
+        return Finding("bits", f"{value} (made with other versions than {versions})")
+    remedy = "this processor, or this C library, computes otherwise: results differ from those of other machines"
+    return Finding("bits", value, good=False, remedy=remedy)
 
 
 def _floors() -> dict[str, str]:

@@ -15,6 +15,7 @@ Sums over many directions take one pass over them, in their order, so that they 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, permutations, product
 
@@ -284,13 +285,22 @@ def wave_products(way: Floats, share: Floats, turns: Floats) -> Floats:
     total = np.zeros((2 * len(signs), len(multisets(way.shape[1]))))
     for some in _blocks(way):
         angle = 2 * np.pi * turns[some].T
-        along = libm.cos(angle) + 1j * libm.sin(angle)
-        # a wave is the product of those along the axes
-        axes = [[one if sign > 0 else one.conj() for sign, one in zip(row, along, strict=True) if sign]
-                for row in signs]  # fmt: skip
-        waves = np.array([np.prod(several, axis=0) for several in axes])
-        total += linear.matmul(share[some] * np.concatenate([waves.real, waves.imag]), _products(way[some]).T)
+        along = list(zip(libm.cos(angle), libm.sin(angle), strict=True))
+        waves = np.array([_wave(row, along) for row in signs])
+        total += linear.matmul(share[some] * np.concatenate([waves[:, 0], waves[:, 1]]), _products(way[some]).T)
     return total
+
+
+def _wave(signs: Floats, along: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+    """Return the cosine and the sine of a sum of angles, each with a sign or 0, from theirs.
+
+    Products of complex numbers of NumPy would have other bits on other processors.
+    """
+    cosine, sine = np.ones_like(along[0][0]), np.zeros_like(along[0][0])
+    for sign, (c, s) in zip(signs, along, strict=True):
+        if sign:
+            cosine, sine = cosine * c - sign * sine * s, sine * c + sign * cosine * s
+    return cosine, sine
 
 
 def values_along(way: Floats, second: Floats, fourth: Floats) -> tuple[Floats, Floats]:

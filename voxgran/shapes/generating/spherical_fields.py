@@ -19,19 +19,19 @@ def harmonics(degrees: int, directions: Floats) -> Iterator[tuple[int, int, Floa
     """
     x, y, z = directions.T
     flat = np.hypot(x, y)
-    # cos(m t) and sin(m t) are the parts of the powers of x + i y on the unit circle; on the axis t is 0
-    unit = np.where(flat > 0, (x + 1j * y) / np.where(flat > 0, flat, 1.0), 1.0)
-    turn, first = np.ones(len(z), dtype=np.complex128), np.ones(len(z))
+    # on the axis the azimuth is 0; products of complex numbers have other bits on other processors
+    x, y = (np.where(flat > 0, part / np.where(flat > 0, flat, 1.0), along) for part, along in ((x, 1.0), (y, 0.0)))
+    cosine, sine, first = np.ones(len(z)), np.zeros(len(z)), np.ones(len(z))
     for m in range(degrees):
         if m:
-            turn = turn * unit
+            cosine, sine = cosine * x - sine * y, sine * x + cosine * y
             first = first * flat * (1.0 if m == 1 else np.sqrt((2 * m - 1) / (2 * m)))
         older, old = np.zeros(len(z)), first
-        yield m, m, old * turn.real, old * turn.imag
+        yield m, m, old * cosine, old * sine
         for degree in range(m + 1, degrees):
             back = np.sqrt((degree - 1) ** 2 - m * m) if degree > m + 1 else 0.0
             new = ((2 * degree - 1) * z * old - back * older) / np.sqrt(degree * degree - m * m)
-            yield degree, m, new * turn.real, new * turn.imag
+            yield degree, m, new * cosine, new * sine
             older, old = old, new
 
 
