@@ -255,7 +255,7 @@ def _solid(entry: ShapeEntry) -> Shape:
     family = families().get(entry.name)
     if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2
-        axes /= cube_root(np.prod(2 * axes))
+        axes /= cube_root(float(np.prod(2 * axes)))
         return Shape.of(Primitive("ellipsoid", tuple(axes.tolist())), name=entry.name)
     return entry.make()[0]
 
