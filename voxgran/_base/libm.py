@@ -17,7 +17,7 @@ from voxgran._base.kernels import bare_kernel, numba_is_loaded
 FEW = 1000
 #: the same where numba is loaded: a call of a kernel takes as long
 FEWEST = 16
-#: whole exponents up to which a power is a product
+#: exponents up to which a power is a product
 PRODUCTS = 8
 
 #: functions of one number, as kernels call them by their place
@@ -104,13 +104,15 @@ def tanh(x: ArrayLike) -> Any:
 
 
 def power(base: ArrayLike, exponent: float | Floats) -> Any:
-    """Return powers; whole exponents up to 8 give products, so that a factor of 2 changes no bit but the exponent."""
-    if isinstance(exponent, int) and 0 <= exponent <= PRODUCTS:
+    """Return powers; multiples of a half up to 8 are products, and roots, so that scaling by 4 changes no bit but the
+    exponent.
+    """
+    if isinstance(exponent, int | float) and abs(exponent) <= PRODUCTS and 2 * exponent == int(2 * exponent):
         factor = np.asarray(base)
-        product = np.ones_like(factor)
-        for _ in range(exponent):
+        product = np.ones_like(factor) if abs(exponent) % 1 == 0 else np.sqrt(factor)
+        for _ in range(int(abs(exponent))):
             product = product * factor
-        return product
+        return product if exponent >= 0 else 1.0 / product
     return _of_two(math.pow, _powers, base, exponent)
 
 

@@ -38,6 +38,8 @@ def matmul(a: ArrayLike, b: ArrayLike) -> Any:
     if one.dtype.kind in "iub" and other.dtype.kind in "iub":
         return one @ other  # bits: whole numbers
     one, other = one.astype(np.float64, copy=False), other.astype(np.float64, copy=False)
+    if one.ndim == 2 and other.ndim == 2:
+        return _products(one, other)
     if one.ndim == 1 and other.ndim == 1:
         return (one * other).sum()
     if one.ndim == 1:
@@ -49,19 +51,23 @@ def matmul(a: ArrayLike, b: ArrayLike) -> Any:
 
 def _products(a: Floats, b: Floats) -> Floats:
     """Return the products of stacks of matrices, which broadcast."""
-    k = a.shape[-1]
-    if k != b.shape[-2]:
-        raise ValueError(f"matrices of {a.shape} and {b.shape} have no product: {k} columns and {b.shape[-2]} rows")
-    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
-    shape = (*stack, a.shape[-2], b.shape[-1])
-    if k == 0:
-        return np.zeros(shape)
+    k, m = b.shape[-2:]
+    if a.shape[-1] != k:
+        raise ValueError(f"matrices of {a.shape} and {b.shape} have no product: {a.shape[-1]} columns and {k} rows")
+    if m == 1 and k > COLUMNS:
+        # sums over long rows
+        return np.asarray(einsum("...ik,...kj->...i", a, b)[..., None])
     if a.ndim > 2 and b.ndim == 2:
         # one matrix for all rows
-        return _products(a.reshape(math.prod(a.shape[:-1]), k), b).reshape(*a.shape[:-1], b.shape[-1])
-    if b.shape[-1] == 1 and k > COLUMNS:
-        # sums over long rows
-        return einsum("...ik,...kj->...i", a, b)[..., None]
+        return _products(a.reshape(math.prod(a.shape[:-1]), k), b).reshape(*a.shape[:-1], m)
+    if a.ndim == 2 and b.ndim == 2 and k and numba_is_loaded():
+        out = np.empty((1, len(a), m))
+        _multiply(np.ascontiguousarray(a)[None], np.ascontiguousarray(b)[None], out)
+        return out[0]
+    stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    shape = (*stack, a.shape[-2], m)
+    if k == 0:
+        return np.zeros(shape)
     if not numba_is_loaded() and math.prod(shape) * k <= FEW:
         total = a[..., :, 0, None] * b[..., None, 0, :]
         for column in range(1, k):
@@ -115,6 +121,8 @@ def _multiply(a: Floats, b: Floats, out: Floats) -> None:
 def norm(vectors: ArrayLike, axis: int | None = None, *, keepdims: bool = False) -> Any:
     """Return the Euclidean length of vectors along an axis, or of all numbers as one vector."""
     squares = np.square(np.asarray(vectors, dtype=np.float64))
+    if squares.ndim == 1 and 0 < len(squares) <= 4 and not keepdims:
+        return np.sqrt(sum(squares.tolist()[1:], squares[0]))
     if axis in (-1, squares.ndim - 1) and 0 < squares.shape[-1] <= 4 and not keepdims:
         # several times as fast as a sum over an axis of three
         total = squares[..., 0].copy()
@@ -137,7 +145,9 @@ def determinant(matrices: ArrayLike) -> Any:
         return m[..., 0, 0]
     if size == 2:
         return m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0]
-    return (m[..., 0, :] * np.cross(m[..., 1, :], m[..., 2, :])).sum(axis=-1)
+    # numbers of Python are quicker than arrays without axes
+    (a, b, c), (d, e, f), (g, h, i) = m.tolist() if m.ndim == 2 else np.moveaxis(m, (-2, -1), (0, 1))
+    return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
 
 
 def solve(matrices: ArrayLike, right: ArrayLike) -> Floats:
@@ -198,27 +208,19 @@ def eigh(matrices: ArrayLike) -> tuple[Floats, Floats]:
     given = np.asarray(matrices, dtype=np.float64)
     k = given.shape[-1]
     rows = np.array(given.reshape(-1, k, k))
-    vectors = np.broadcast_to(np.eye(k), rows.shape).copy()
-    _called(_diagonalize, k * len(rows))(rows, vectors)
-    values = rows[:, np.arange(k), np.arange(k)]
-    order = np.argsort(values, axis=1, kind="stable")
-    values = np.take_along_axis(values, order, axis=1)
-    vectors = np.take_along_axis(vectors, order[:, :, None], axis=1)
-    vectors = np.swapaxes(vectors * _signs(vectors), 1, 2)
-    return values.reshape(given.shape[:-1]), np.ascontiguousarray(vectors).reshape(given.shape)
-
-
-def _signs(rows: Floats) -> Floats:
-    """Return the signs (..., k, 1) of the largest components of rows (..., k, m)."""
-    most = np.take_along_axis(rows, np.abs(rows).argmax(axis=-1)[..., None], axis=-1)
-    return np.where(most < 0.0, -1.0, 1.0)
+    values, vectors = np.empty(rows.shape[:2]), np.empty(rows.shape)
+    _called(_diagonalize, k * len(rows))(rows, values, vectors)
+    return values.reshape(given.shape[:-1]), vectors.reshape(given.shape)
 
 
 @bare_kernel
-def _diagonalize(matrix: Floats, vectors: Floats) -> None:
-    """Turn symmetric matrices (n, k, k) until they are diagonal; rows of `vectors` (n, k, k) turn with them."""
-    n, k = len(matrix), matrix.shape[1]
+def _diagonalize(matrix: Floats, values: Floats, vectors: Floats) -> None:
+    """Write the eigenvalues (n, k) and eigenvectors (n, k, k) of matrices (n, k, k), which become diagonal."""
+    n, k = values.shape
     for s in range(n):
+        for r in range(k):
+            for c in range(k):
+                vectors[s, r, c] = 1.0 if r == c else 0.0
         for _ in range(SWEEPS):
             turned = False
             for p in range(k):
@@ -243,10 +245,26 @@ def _diagonalize(matrix: Floats, vectors: Floats) -> None:
                             x, y = matrix[s, r, p], matrix[s, r, q]
                             matrix[s, r, p] = matrix[s, p, r] = c * x - b * y
                             matrix[s, r, q] = matrix[s, q, r] = b * x + c * y
-                        x, y = vectors[s, p, r], vectors[s, q, r]
-                        vectors[s, p, r], vectors[s, q, r] = c * x - b * y, b * x + c * y
+                        x, y = vectors[s, r, p], vectors[s, r, q]
+                        vectors[s, r, p], vectors[s, r, q] = c * x - b * y, b * x + c * y
             if not turned:
                 break
+        for p in range(k):
+            values[s, p] = matrix[s, p, p]
+        for p in range(k):
+            first = p
+            for q in range(p + 1, k):
+                if values[s, q] < values[s, first]:
+                    first = q
+            values[s, p], values[s, first] = values[s, first], values[s, p]
+            most = 0
+            for r in range(k):
+                vectors[s, r, p], vectors[s, r, first] = vectors[s, r, first], vectors[s, r, p]
+                if abs(vectors[s, r, p]) > abs(vectors[s, most, p]):
+                    most = r
+            if vectors[s, most, p] < 0.0:
+                for r in range(k):
+                    vectors[s, r, p] = -vectors[s, r, p]
 
 
 def svd(matrix: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -262,26 +280,30 @@ def svd(matrix: ArrayLike) -> tuple[Floats, Floats, Floats]:
         u, v = np.swapaxes(u, -1, -2), np.swapaxes(v, -1, -2)
         sign = _signs(v)
         return u * np.swapaxes(sign, -1, -2), values, v * sign
-    n, k = given.shape[-2:]
+    (n, k), stack = given.shape[-2:], given.shape[:-2]
     columns = np.array(np.swapaxes(given, -1, -2).reshape(-1, k, n), order="C")
-    turns = np.broadcast_to(np.eye(k), (len(columns), k, k)).copy()
-    _called(_orthogonalize, n * len(columns))(columns, turns)
-    values = norm(columns, axis=2)
-    order = np.argsort(-values, axis=1, kind="stable")[..., None]
-    values = np.take_along_axis(values, order[..., 0], axis=1)
-    columns, turns = np.take_along_axis(columns, order, axis=1), np.take_along_axis(turns, order, axis=1)
-    sign = _signs(turns)
-    u = columns * sign / np.where(values > 0.0, values, 1.0)[:, :, None]
-    stack = given.shape[:-2]
-    v = (turns * sign).reshape(*stack, k, k)
-    return np.swapaxes(u, 1, 2).reshape(*stack, n, k), values.reshape(*stack, k), v
+    values, v = np.empty(columns.shape[:2]), np.empty((len(columns), k, k))
+    _called(_orthogonalize, n * len(columns))(columns, values, v)
+    u = np.swapaxes(columns, 1, 2).reshape(*stack, n, k)
+    return u, values.reshape(*stack, k), v.reshape(*stack, k, k)
+
+
+def _signs(rows: Floats) -> Floats:
+    """Return the signs (..., k, 1) of the largest components of rows (..., k, m)."""
+    most = np.take_along_axis(rows, np.abs(rows).argmax(axis=-1)[..., None], axis=-1)
+    return np.where(most < 0.0, -1.0, 1.0)
 
 
 @bare_kernel
-def _orthogonalize(rows: Floats, turns: Floats) -> None:
-    """Turn the rows of matrices (n, k, m) until they are orthogonal; rows of `turns` (n, k, k) turn with them."""
+def _orthogonalize(rows: Floats, values: Floats, turns: Floats) -> None:
+    """Turn the rows of matrices (n, k, m) until they are orthogonal; write their lengths (n, k), falling, and the turns
+    (n, k, k). The rows become unit vectors.
+    """
     n, k, m = rows.shape
     for s in range(n):
+        for r in range(k):
+            for c in range(k):
+                turns[s, r, c] = 1.0 if r == c else 0.0
         for _ in range(SWEEPS):
             turned = False
             for p in range(k):
@@ -307,6 +329,28 @@ def _orthogonalize(rows: Floats, turns: Floats) -> None:
                         turns[s, p, j], turns[s, q, j] = c * x - b * y, b * x + c * y
             if not turned:
                 break
+        for p in range(k):
+            total = 0.0
+            for j in range(m):
+                total += rows[s, p, j] * rows[s, p, j]
+            values[s, p] = math.sqrt(total)
+        for p in range(k):
+            first, most = p, 0
+            for q in range(p + 1, k):
+                if values[s, q] > values[s, first]:
+                    first = q
+            values[s, p], values[s, first] = values[s, first], values[s, p]
+            for j in range(k):
+                turns[s, p, j], turns[s, first, j] = turns[s, first, j], turns[s, p, j]
+                if abs(turns[s, p, j]) > abs(turns[s, p, most]):
+                    most = j
+            sign = -1.0 if turns[s, p, most] < 0.0 else 1.0
+            for j in range(k):
+                turns[s, p, j] *= sign
+            length = sign * values[s, p] if values[s, p] > 0.0 else 1.0
+            for j in range(m):
+                rows[s, p, j], rows[s, first, j] = rows[s, first, j], rows[s, p, j]
+                rows[s, p, j] /= length
 
 
 def pseudoinverse(matrix: ArrayLike) -> Floats:

@@ -19,7 +19,13 @@ from voxgran.shapes.sizes import lognormal
 from voxgran.voxels.occupy import voxelize
 
 #: versions with which the bits below were made, of what decides them
-VERSIONS = {"numpy": "2.4.6", "scipy": "1.17.1", "numba": "0.68.1", "llvmlite": "0.50.0", "manifold3d": "3.5.4"}
+VERSIONS = {
+    "numpy": "2.4.6",
+    "scipy": "1.17.1",
+    "numba": "0.68.1",
+    "llvmlite": "0.50.0",
+    "manifold3d": "3.5.4",
+}
 #: bits of each job, as `digest` gives them
 REFERENCE: dict[str, str] = {
     "lognormal sizes": "2bac7320e61ba502",
@@ -27,7 +33,7 @@ REFERENCE: dict[str, str] = {
     "union of solids": "6ab0f92a39fe9645",
     "points on a surface": "850e0500e3a8c9b2",
     "voxels": "05fb2bf911bb734f",
-    "clump": "05d06faba0b101f4",
+    "clump": "6d86e9c02b115849",
     "random sequential": "e5620c0ba47e0950",
     "bed of spheres": "25b023819f455c05",
     "bed of polyhedra": "eb619d18fe7f545b",
