@@ -69,11 +69,9 @@ def _name(node: ast.AST) -> str:
         return "" if exact else "** of an array"
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
         called = node.func.attr
-        if called in ("argsort", "argpartition") and not any(
-            keyword.arg == "kind" and ast.unparse(keyword.value) == "'stable'" for keyword in node.keywords
-        ):
-            return f"{called} without kind='stable'"
-        if called in ("dot", "gaussian_filter"):
+        if called == "argsort" and "kind='stable'" not in map(ast.unparse, node.keywords):
+            return "argsort without kind='stable'"
+        if called in ("argpartition", "dot", "gaussian_filter"):
             return called
     if isinstance(node, ast.Attribute):
         whole = ast.unparse(node)

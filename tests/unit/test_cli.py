@@ -1,6 +1,7 @@
 """The command line: one line per mistake, the right exit status, nothing lost."""
 
 import csv
+import importlib.metadata
 import json
 import os
 import re
@@ -23,7 +24,7 @@ import voxgran.cli.doctor as examination
 import voxgran.cli.warm as beforehand
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
-from voxgran.cli import main
+from voxgran.cli import bits, main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import name_flags
 from voxgran.clumps.method import clump_registry
@@ -725,6 +726,22 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
     assert "apt-get install -y libgl1" in text
     assert "free space" in text
     assert text.strip().endswith("what is marked <- needs mending")
+
+
+def test_doctor_tells_other_bits(monkeypatch, capsys):
+    assert main(["doctor", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["findings"]["bits"]["good"]
+    monkeypatch.setitem(bits.REFERENCE, "clump", "0" * 16)
+    monkeypatch.setattr(bits, "VERSIONS", {"numpy": importlib.metadata.version("numpy")})
+    assert main(["doctor"]) == 1
+    text = capsys.readouterr().out
+    assert "1 of 10 small jobs differ from the reference: clump   <-" in text
+    # other versions may have other bits
+    monkeypatch.setattr(bits, "VERSIONS", {"numpy": "1.0"})
+    assert main(["doctor"]) == 0
+    assert (
+        f"clump (made with other versions than numpy {importlib.metadata.version('numpy')})" in capsys.readouterr().out
+    )
 
 
 @pytest.mark.slow
