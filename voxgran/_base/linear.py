@@ -380,7 +380,7 @@ def nearest_rotations(matrices: ArrayLike) -> Floats:
     aside = np.cross(first, np.eye(3)[np.abs(first).argmin(axis=-1)])
     aside /= norm(aside, -1, keepdims=True)
     second = np.where((values[..., 1] > 1e-15 * values[..., 0])[..., None], second, aside)
-    u = np.stack([first, second, np.cross(first, second) * determinant(v)[..., None]], axis=-1)
+    u = np.stack([first, second, np.cross(first, second) * np.asarray(determinant(v))[..., None]], axis=-1)
     return np.asarray(matmul(u, v))
 
 
