@@ -729,8 +729,6 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
 
 
 def test_doctor_tells_other_bits(monkeypatch, capsys):
-    assert main(["doctor", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["findings"]["bits"]["good"]
     monkeypatch.setitem(bits.REFERENCE, "clump", "0" * 16)
     monkeypatch.setattr(bits, "VERSIONS", {"numpy": importlib.metadata.version("numpy")})
     assert main(["doctor"]) == 1

@@ -130,8 +130,9 @@ def connected(centers: Floats, radii: Floats, overlap: float) -> Floats:
     grown = radii.copy()
     if reach == 0.0:
         return grown
-    # no weight is 0, which would stand for no edge
-    weights = load("scipy.sparse").coo_array((gap - gap.min() + float(radii.max()), (i, j)), shape=(len(radii),) * 2)
+    # no weight is 0, which would stand for no edge; SciPy 1.13 takes indices of 32 bits only
+    pairs = i.astype(np.int32), j.astype(np.int32)
+    weights = load("scipy.sparse").coo_array((gap - gap.min() + float(radii.max()), pairs), shape=(len(radii),) * 2)
     tree = load("scipy.sparse.csgraph").minimum_spanning_tree(weights).tocoo()
     for one, two in zip(tree.row, tree.col, strict=True):
         smaller = min(grown[one], grown[two])
