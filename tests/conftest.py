@@ -13,6 +13,8 @@ from hypothesis import settings
 
 import voxgran as vg
 
+pytest_plugins = ["perturb"]
+
 settings.register_profile("fast", max_examples=25, deadline=None)
 settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
 settings.register_profile("thorough", max_examples=500, deadline=None)
