@@ -44,12 +44,15 @@ def shares(values):
     return found
 
 
+def _gone(assembly, position):
+    """Return by how much grains of an assembly are moved from their places (n, 3), in the plane within it."""
+    return FAR * shares(position) * ([1.0, 1.0, 1.0] if assembly.dimension == 3 else [1.0, 1.0, 0.0])
+
+
 def moved(assembly):
     """Return grains, with lengths in median diameters, of which those that are not fixed are moved."""
-    import numpy as np
-
-    gone = FAR * shares(assembly.position) * (np.arange(3) < assembly.dimension)
-    return replace(assembly, position=assembly.position + np.where(assembly.movable[:, None], gone, 0.0))
+    free = assembly.movable[:, None]
+    return replace(assembly, position=assembly.position + free * _gone(assembly, assembly.position))
 
 
 def _begin_moved(kind):
@@ -82,7 +85,11 @@ def _growing_solids(module):
 def _arriving(module):
     """Move the grains that fall upon a bed one after the other."""
     admit = module.Bed.admit
-    module.Bed.admit = lambda self, position, velocity: admit(self, position + FAR * shares(position), velocity)
+
+    def admitted(self, position, velocity):
+        admit(self, position + _gone(self.assembly, position), velocity)
+
+    module.Bed.admit = admitted
 
 
 def _front(module):
