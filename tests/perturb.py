@@ -98,7 +98,8 @@ def _front(module):
 
     def container(given, smallest):
         walls, widest = made(given, smallest)
-        return walls, widest + FAR * shares(widest[None])[0] * (widest != 0.0)
+        # less than the slack of walls between which a sphere just fits
+        return walls, widest + 0.01 * FAR * shares(widest[None])[0] * (widest != 0.0)
 
     module.front_container = container
 

@@ -25,6 +25,8 @@ def test_what_is_no_cluster_is_one_sentence():
         vg.open_image(np.zeros((3, 3, 3)), dask=3)
     with pytest.raises(ClusterError, match="there is no Dask scheduler at nowhere"):
         vg.open_image(np.zeros((3, 3, 3)), dask="nowhere")
+    # and other work of this process goes on without one
+    assert dask.config.get("scheduler", None) is None
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
