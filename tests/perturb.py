@@ -4,8 +4,8 @@ A run of grains that push each other enlarges a difference in the last bits unti
 first one. A test that passes without this option and fails with it rests on one outcome of such a run.
 
 Each grain is moved by a pseudo-random vector that follows from the seed and the bits of its place: two runs from one
-start agree, and so does one that goes on from a checkpoint. Fixed grains stay. Modules are watched as they are imported,
-here and in the processes that tests start, and nothing of them is imported for this.
+start agree, and so does one that goes on from a checkpoint. Fixed grains stay. Modules are changed as they are
+imported, here and in the processes that tests start; none is imported for this.
 """
 
 import importlib.machinery
