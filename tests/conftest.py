@@ -32,6 +32,17 @@ def pytest_collection():
         gc.freeze()
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter):
+    """Name in one line, at the end, the programs and libraries for want of which tests were skipped."""
+    from kit import wanted
+
+    yield
+    if counts := wanted(report.longrepr[2] for report in terminalreporter.stats.get("skipped", [])):
+        told = ", ".join(f"{name} ({count})" for name, count in counts)
+        terminalreporter.write_line(f"skipped for want of: {told}")
+
+
 @pytest.fixture(scope="session")
 def data_dir():
     """Return the folder of the scans that the project ships."""
