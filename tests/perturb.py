@@ -176,10 +176,11 @@ def pytest_configure(config):
     os.environ[SEED] = str(seed)
     if log is not None:
         os.environ[LOG] = os.path.abspath(log)
-    # processes that tests start
+    # processes that tests start: by the environment, or by the path of this one
     folder = tempfile.TemporaryDirectory()
     config.add_cleanup(folder.cleanup)
     (Path(folder.name) / "sitecustomize.py").write_text(AT_START)
+    sys.path.append(folder.name)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (folder.name, os.environ.get("PYTHONPATH"))))
     watch()
 

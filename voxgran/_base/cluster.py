@@ -47,13 +47,14 @@ def connected(dask: Any, *, default: bool) -> Any:
         known = None
     if known is not None and known.scheduler.address == address:
         return known
-    config = load("dask.config")
-    scheduler = config.get("scheduler", None)
     try:
-        return distributed.Client(address, timeout=ANSWER, set_as_default=default)
+        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+        if default:
+            # only now: a client that finds no scheduler would stay the default one
+            client.close()
+            client = distributed.Client(address, timeout=ANSWER)
+        return client
     except (OSError, ValueError, TimeoutError) as error:
-        # a client that finds none leaves dask to one that is not there
-        config.set(scheduler=scheduler)
         raise ClusterError(
             f"there is no Dask scheduler at {address}: start one with 'dask scheduler', and check the address"
         ) from error
