@@ -173,8 +173,8 @@ def test_grains_are_compressed_around_a_fixed_one_which_moves_with_the_mean_stra
 
 
 def test_fixed_grains_that_overlap_at_the_end_are_told():
-    box = vg.Box((5, 5, 7))
-    loose = loose_grains(container=box, obstacles=vg.Packing.of(SPHERE, box, position=[(2.5, 2.5, 0.5)]))
+    box = vg.Box((5, 5, 9))
+    loose = loose_grains(container=box, count=90, obstacles=vg.Packing.of(SPHERE, box, position=[(2.5, 2.5, 0.5)]))
     with pytest.warns(PackingWarning, match=r"fixed grains overlap each other or the walls by up to 0\.\d+ mean diam"):
         vg.compress(loose, axes="z")
 
