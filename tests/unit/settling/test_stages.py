@@ -174,8 +174,7 @@ def test_steps_stay_long_while_few_grains_fall():
     graded, box = vg.sizes.lognormal(1.0, 0.3), vg.Box((8, 8, 20), periodic="xy")
     round_ones = [vg.pack(spheres, box, "gravity", count=300, sizes=graded, seed=seed) for seed in (1, 2, 3)]
     assert {bed.stop_reason for bed in (flat, *round_ones)} == {"settled"}
-    # all steps: of growth and of the fall about 180 and 137; a bed takes 210 and 170 in all, with standard deviations of
-    # 15 and 17
+    # all steps: of growth and of the fall about 180 and 137; in all 210 and 170, with standard deviations of 15 and 17
     assert flat.provenance["settling"]["steps"] < 300
     assert np.mean([bed.provenance["settling"]["steps"] for bed in round_ones]) < 210
 
