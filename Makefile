@@ -4,6 +4,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ok
 # processes of the tests
 WORKERS ?= 2
+# seeds of the tests with moved starts
+SEEDS ?= 1 2 3 4 5
 # the environment of engines that pip installs
 ENGINES ?= .venv-engines
 # the environment of the lowest versions, and what is tested there: a file or folder of each library
@@ -16,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest test-engines test-browser test-dist lint stubs docs dist bench studies figures clean
+.PHONY: demo test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench studies figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -26,6 +28,15 @@ test: $(STAMP)   ## the tests, without those marked slow or browser, file by fil
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
+
+test-perturbed: $(STAMP)   ## the tests with every start of a run of grains moved by rounding, once for each of SEEDS
+	rm -f out/perturbed
+	mkdir -p out
+	# the first seed lists the files in which a start is moved, and the others run these
+	for seed in $(SEEDS); do \
+	  OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile \
+	    --perturb $$seed --perturbed out/perturbed $$(cat out/perturbed 2>/dev/null) || failed=1; \
+	done; exit $${failed:-0}
 
 test-lowest: $(LOWEST)/.ok   ## a quick part of the tests on the lowest versions that pyproject.toml declares
 	# newer releases of what these versions depend on warn of calls that they make

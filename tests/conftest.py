@@ -13,6 +13,8 @@ from hypothesis import settings
 
 import voxgran as vg
 
+pytest_plugins = ["perturb"]
+
 settings.register_profile("fast", max_examples=25, deadline=None)
 settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
 settings.register_profile("thorough", max_examples=500, deadline=None)
@@ -28,6 +30,17 @@ def pytest_collection():
     finally:
         gc.enable()
         gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter):
+    """Name in one line, at the end, the programs and libraries for want of which tests were skipped."""
+    from kit import wanted
+
+    yield
+    if counts := wanted(report.longrepr[2] for report in terminalreporter.stats.get("skipped", [])):
+        told = ", ".join(f"{name} ({count})" for name, count in counts)
+        terminalreporter.write_line(f"skipped for want of: {told}")
 
 
 @pytest.fixture(scope="session")

@@ -3,12 +3,14 @@
 import contextlib
 import faulthandler
 import os
+import re
 import signal
 import struct
 import subprocess
 import sys
 import tomllib
 import warnings
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +39,12 @@ REFERENCES = Path(__file__).parent / "reference" / "references.toml"
 def references(table):
     """Return a table of published values; the file says where each comes from."""
     return tomllib.loads(REFERENCES.read_text())[table]
+
+
+def wanted(reasons):
+    """Return what reasons of skipped tests say is not installed, with how often, the most frequent first."""
+    found = (re.search(r"could not import '(\w+)|(\S+) is not installed", reason) for reason in reasons)
+    return Counter(match[1] or match[2] for match in found if match).most_common()
 
 
 def slow(*values):

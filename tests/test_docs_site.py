@@ -16,7 +16,7 @@ WITHOUT_NETWORK = re.compile(r"""<(?:script|link|img)[^>]+(?:src|href)=["'](?:ht
 
 @pytest.mark.slow
 @pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, NEEDED)), reason="the site needs what `pip install voxgran[docs]` installs"
+    not all(map(importlib.util.find_spec, NEEDED)), reason="sphinx is not installed: pip install voxgran[docs]"
 )
 def test_the_site_is_built_without_a_warning_and_needs_no_network(tmp_path):
     words = ["-W", "--keep-going", "-q", "-b", "html", "-D", "sphinx_gallery_conf.plot_gallery=0"]

@@ -48,7 +48,12 @@ def connected(dask: Any, *, default: bool) -> Any:
     if known is not None and known.scheduler.address == address:
         return known
     try:
-        return distributed.Client(address, timeout=ANSWER, set_as_default=default)
+        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+        if default:
+            # only now: a client that finds no scheduler would stay the default one
+            client.close()
+            client = distributed.Client(address, timeout=ANSWER)
+        return client
     except (OSError, ValueError, TimeoutError) as error:
         raise ClusterError(
             f"there is no Dask scheduler at {address}: start one with 'dask scheduler', and check the address"

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, shown, warn
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, warn
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
@@ -30,7 +30,7 @@ from voxgran.packing.settling_run import (
     with_known_forces,
 )
 from voxgran.packing.start import around_fixed, free_volume
-from voxgran.settling.compression import TOUCHING, Compressor
+from voxgran.settling.compression import TOUCHING, Compressor, too_narrow
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression
 from voxgran.settling.stress_balance import stress_of
@@ -262,11 +262,7 @@ def _moved(packing: Packing, settler: Any) -> Packing:
             forces=None,
         )
     except GrainTooLargeError:
-        raise InputError(
-            f"stress is {shown(settler.how.stress)}: the grains do not bear it, and sheared until the container was "
-            f"{np.ptp(container.bounds, axis=0)[: packing.dimension].min():.3g} wide, less than a grain; ask for more "
-            "equal stresses, or begin with more grains"
-        ) from None
+        raise too_narrow(settler.how) from None
 
 
 def finished_compression(packing: Packing, state: SettleState) -> Packing:

@@ -295,7 +295,7 @@ def refuse_deep(settler: Moving) -> None:
     i, j, depth = settler.bed.deep_overlaps(DEEPEST)
     if len(i):
         # a pair may have several contacts
-        told = [f"{a} and {b}" for a, b in dict.fromkeys(zip(i.tolist(), j.tolist(), strict=True))]
+        told = [f"{a} and {b}" for a, b in dict.fromkeys(map(tuple, np.sort([i, j], axis=0).T.tolist()))]
         pairs = ", ".join(told[:NAMED])
         more = f" and {len(told) - NAMED} more pairs" if len(told) > NAMED else ""
         raise InputError(

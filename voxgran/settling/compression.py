@@ -26,6 +26,7 @@ import numpy as np
 
 from voxgran._base import libm, linear
 from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError, shown
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
@@ -239,6 +240,8 @@ class Compressor(Resumable):
         self._note(forces)
         bed.move(accelerations * size, NEAR if exact else FAR)
         strain = accelerations[-1, :3] * size
+        if (strain <= -1.0).any():
+            raise too_narrow(self.how)
         progress.factors *= 1.0 + strain
         bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))
         if np.abs(strain).max() < CALM * pace.strain or self._goes_around():
@@ -315,6 +318,14 @@ class Compressor(Resumable):
         """Add a row to the path."""
         row = [self._solid_fraction, *np.diag(stress_of(self.bed, forces))]
         self.progress.path = np.vstack([self.progress.path, row])
+
+
+def too_narrow(how: Compression) -> InputError:
+    """Return the error that the grains do not bear a stress, and sheared until none has room in the container."""
+    return InputError(
+        f"stress is {shown(how.stress)}: the grains do not bear it, and sheared until the container was narrower than "
+        "a grain; ask for more equal stresses, or begin with more grains"
+    )
 
 
 def _with_walls(friction: float | Materials, assembly: Assembly) -> float | Materials:

@@ -20,11 +20,16 @@ pytest.importorskip("tifffile")
 
 
 def test_what_is_no_cluster_is_one_sentence():
-    pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed")
     with pytest.raises(InputError, match="dask is 3: it must be the address of a scheduler"):
         vg.open_image(np.zeros((3, 3, 3)), dask=3)
-    with pytest.raises(ClusterError, match="there is no Dask scheduler at nowhere"):
+    with pytest.raises(ClusterError, match="there is no Dask scheduler at nowhere") as told:
         vg.open_image(np.zeros((3, 3, 3)), dask="nowhere")
+    # other work of this process goes on without one
+    with pytest.raises(ValueError, match="No clients found"):
+        distributed.default_client()
+    assert dask.config.get("scheduler", None) is None
+    assert told.value.__cause__ is not None
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")

@@ -163,7 +163,7 @@ def test_the_page_has_a_twin_of_all_numbers(tmp_path):
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
 def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
     packing = lattice()
     page = tmp_path / "page.html"

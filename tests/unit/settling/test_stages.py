@@ -172,11 +172,11 @@ def test_steps_stay_long_while_few_grains_fall():
     pentagons, spheres = vg.make_shape("polygon"), vg.make_shape("sphere")
     flat = vg.pack(pentagons, vg.Rectangle((20, 45), periodic="x"), "gravity", count=300, seed=2)
     graded, box = vg.sizes.lognormal(1.0, 0.3), vg.Box((8, 8, 20), periodic="xy")
-    beds = flat, vg.pack(spheres, box, "gravity", count=300, sizes=graded, seed=1)
-    assert [bed.stop_reason for bed in beds] == ["settled", "settled"]
-    # all steps: of growth and of the fall about 180 and 137
-    assert beds[0].provenance["settling"]["steps"] < 300
-    assert beds[1].provenance["settling"]["steps"] < 210
+    round_ones = [vg.pack(spheres, box, "gravity", count=300, sizes=graded, seed=seed) for seed in (1, 2, 3)]
+    assert {bed.stop_reason for bed in (flat, *round_ones)} == {"settled"}
+    # all steps: of growth and of the fall about 180 and 137; in all 210 and 170, with standard deviations of 15 and 17
+    assert flat.provenance["settling"]["steps"] < 300
+    assert np.mean([bed.provenance["settling"]["steps"] for bed in round_ones]) < 210
 
 
 def test_steps_become_shorter_where_a_bed_does_not_come_to_rest(resting):

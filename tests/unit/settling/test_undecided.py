@@ -11,6 +11,8 @@ from voxgran.settling.equilibrium import _guess_forces, _limits
 from voxgran.settling.projected_gradient import accelerated_projected_gradient, excess_at
 
 FRICTION = np.array([0.45])
+#: iterations of searches, and grains in question up to which they are decided alone
+LENGTHS, FEW = (600, 450, 350, 300, 250, 225, 200, 175, 150, 130, 115, 100), 40
 
 
 @pytest.fixture(scope="module")
@@ -61,36 +63,58 @@ def test_the_bound_of_the_distance_is_that_of_plain_sums(loaded):
     assert 1e-6 < squares(contacts, found - best).sum() <= parts.sum()
 
 
-def test_grains_that_no_forces_of_their_neighbours_hold_are_those_of_a_long_search(loaded):
-    contacts, forces, limit, best = loaded
-    some = moving(contacts, net_accelerations(contacts, forces), limit)
-    before = forces.copy()
-    near = undecided._part_of(contacts, some, undecided.ALONE)
-    proven = some & undecided._part_moves(contacts, forces, FRICTION, limit, near, 512)
-    np.testing.assert_array_equal(forces, before)
-    expected = moving(contacts, best, limit)
-    assert 0 < expected.sum() < some.sum()
-    np.testing.assert_array_equal(proven, expected)
+@pytest.fixture(scope="module")
+def searched(loaded):
+    """Return forces after searches of many lengths: whether one leaves grains in doubt depends on the bed."""
+    contacts, _, limit, _ = loaded
+    found = [np.zeros((len(contacts.i), 3)) for _ in LENGTHS]
+    for forces, iterations in zip(found, LENGTHS, strict=True):
+        search(contacts, forces, limit, iterations)
+    return found
 
 
-def test_forces_elsewhere_are_held_and_less_is_left_over(loaded):
-    contacts, forces, limit, best = loaded
+def test_grains_that_no_forces_of_their_neighbours_hold_are_those_of_a_long_search(loaded, searched):
+    contacts, _, limit, best = loaded
+    expected, doubted = moving(contacts, best, limit), 0
+    for forces in searched:
+        some = moving(contacts, net_accelerations(contacts, forces), limit)
+        if some.sum() > FEW:
+            continue
+        before = forces.copy()
+        near = undecided._part_of(contacts, some, undecided.ALONE)
+        proven = some & undecided._part_moves(contacts, forces, FRICTION, limit, near, 512)
+        np.testing.assert_array_equal(forces, before)
+        np.testing.assert_array_equal(proven, expected)
+        doubted += int(some.sum() > expected.sum() > 0)
+    assert doubted
+
+
+def test_forces_elsewhere_are_held_and_less_is_left_over(loaded, searched):
+    changed = [held_elsewhere(loaded, forces) for forces in searched]
+    assert any(0 < many < 0.9 * len(searched[0]) for many in changed)
+
+
+def held_elsewhere(loaded, forces):
+    """Return how many forces of a part change; those elsewhere do not."""
+    contacts, _, limit, best = loaded
     asked = np.where(moving(contacts, best, limit)[:, None], undecided.ANY, limit)
     some = moving(contacts, net_accelerations(contacts, forces), asked)
+    if not some.any():
+        return 0
     _, rows, own, outside = undecided._part_of(contacts, some, undecided.HELD)
     changed = forces.copy()
     undecided._solve_part(contacts, changed, FRICTION, asked, some, 512)
     differ = np.flatnonzero((np.abs(changed - forces) > 1e-9).any(axis=1))
     away = np.zeros(len(limit), dtype=bool)
     away[own[outside]] = True
-    assert 0 < len(differ) < 0.9 * len(forces)
     assert np.isin(differ, rows).all()
     assert not (away[contacts.i[differ]] | away[contacts.j[differ]]).any()
     push = (changed * contacts.row[:, :3]).sum(axis=1)
     across = np.linalg.norm(changed - push[:, None] * contacts.row[:, :3], axis=1)
     assert (across <= 0.45 * push + 1e-12).all()
     left = [squares(contacts, net_accelerations(contacts, one)).sum() for one in (forces, changed)]
-    assert left[1] < left[0]
+    assert left[1] < left[0] or not len(differ)
+    return len(differ)
 
 
 @pytest.mark.parametrize(("before", "size"), [(200, 16), (200, 8)])
@@ -120,7 +144,8 @@ def test_few_iterations_decide_as_very_many(loaded):
 def test_the_proof_tells_what_it_did_not_decide(packing, monkeypatch):
     least = vg.equilibrium(packing, friction=0.45).attrs["share_undecided"]
     assert least <= 1 / 300
-    few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 64}
+    # 4 to 97 % of the grains of 16 beds are undecided then
+    few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 16}
     monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
     found = vg.equilibrium(packing, friction=0.45)
     assert least < found.attrs["share_undecided"] <= 1.0 - found.attrs["share_at_rest"]
