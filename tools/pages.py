@@ -113,10 +113,19 @@ CALLS = {
 }
 
 
+def value_of(expression: str, names: dict[str, Any]) -> Any:
+    """Return the value of an expression; an error names it."""
+    try:
+        return eval(expression, {"__builtins__": {}, **CALLS}, names)
+    except Exception as error:
+        error.add_note(f"in {expression}")
+        raise
+
+
 def told(expression: str, form: str | None, names: dict[str, Any]) -> str:
-    """Return the value of an expression as text; nothing of an empty cell."""
-    value = eval(expression, {"__builtins__": {}, **CALLS}, names)
-    return "" if value == "" else format(value, form or "")
+    """Return the value of an expression as text; nothing of an empty cell and of NaN."""
+    value = value_of(expression, names)
+    return "" if value == "" or value != value else format(value, form or "")
 
 
 def line_of(template: str, names: dict[str, Any]) -> str:
@@ -128,7 +137,7 @@ def body_of(match: re.Match[str]) -> str:
     """Return a table with the rows that its comment describes."""
     rows = table(match["file"])
     if match["where"]:
-        rows = [row for row in rows if eval(match["where"], {"__builtins__": {}, **CALLS}, row)]
+        rows = [row for row in rows if value_of(match["where"], {**row, "row": row})]
     groups: dict[Any, list[Row]] = {}
     for number, row in enumerate(rows):
         keys = tuple(row[key] for key in match["keys"].split(", ")) if match["keys"] else number
