@@ -15,7 +15,7 @@ The source of a number stands beside it in a comment, which no reader of the pag
     The rows of the table that follows, below its head, are made of these lines, once for each row of the file or, after
     "by", for each group of rows with equal values of some columns. A field has the value of a column, or of an
     expression: at(column=value, ...) is the only row of the group with these values, and each(name, column=value, ...)
-    the list of a column of the group. After "values of" the lines are taken once, and the group is the whole file.
+    the list of a column of the group. The format .2r is .2g without exponents. After "values of" the lines are taken once, and the group is the whole file.
 
 With --run, the Python of a page is run in an empty folder; what it prints is compared with the block "text" that
 follows it, and what commands of a block "console" print with the lines below them, where there are some. With --write,
@@ -125,7 +125,11 @@ def value_of(expression: str, names: dict[str, Any]) -> Any:
 def told(expression: str, form: str | None, names: dict[str, Any]) -> str:
     """Return the value of an expression as text; nothing of an empty cell and of NaN."""
     value = value_of(expression, names)
-    return "" if value == "" or value != value else format(value, form or "")
+    if value == "" or value != value:
+        return ""
+    if form and form.endswith("r"):
+        return f"{float(format(value, f'{form[:-1]}g')):,.10g}"
+    return format(value, form or "")
 
 
 def line_of(template: str, names: dict[str, Any]) -> str:
