@@ -6,7 +6,7 @@ The source of a number stands beside it in a comment, which no reader of the pag
   0.61<!-- = of("front", program="dense", grains=500000).inner_solid_fraction:.2f -->
 
     The number before the comment is the value of the expression: of(FILE, column=value, ...) is the only row of
-    docs/figures/FILE.csv with these values, and column(FILE, name, column=value, ...) the list of a column.
+    docs/figures/FILE.csv with these values (names of columns have _ in place of dots), and column(FILE, name, column=value, ...) the list of a column.
 
   <!-- rows of dice.csv by solid where shaken == "true"
   | {solid} | {at(method="gravity").bulk_solid_fraction:.3f} | {published:.2f} |
@@ -75,7 +75,7 @@ def pages() -> list[Path]:
 def table(name: str) -> list[Row]:
     """Return the rows of a file of docs/figures."""
     with (FIGURES / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-        return [Row({key: _number(text) for key, text in row.items()}) for row in csv.DictReader(file)]
+        return [Row({re.sub(r"\W", "_", key): _number(text) for key, text in row.items()}) for row in csv.DictReader(file)]
 
 
 def _number(text: str) -> Any:
@@ -109,6 +109,8 @@ CALLS = {
     "of": lambda name, **conditions: only(table(name), **conditions),
     "column": lambda file, name, **conditions: listed(table(file), name, **conditions),
     "mean": lambda values: sum(values) / len(values),
+    # root mean square of the difference of two columns
+    "rms": lambda first, second: (sum((a - b) ** 2 for a, b in zip(first, second, strict=True)) / len(first)) ** 0.5,
     **{call.__name__: call for call in (abs, len, max, min, round, sum)},
 }
 
