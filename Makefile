@@ -57,7 +57,7 @@ FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
 .DELETE_ON_ERROR:
 .PHONY: demo test test-slow test-lowest test-engines test-browser test-dist lint stubs docs dist bench studies figures pages clean \
   $(BENCHES) $(TABLES) $(STUDIES) $(EXAMPLES) example-hulls_on_a_front example-report \
-  example-app table-first_calls
+  example-app study-density table-block_speed table-first_calls
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -101,7 +101,7 @@ dist: $(STAMP)   ## sdist, and wheel with kernels compiled, in dist/
 test-dist: dist   ## install the wheel in a fresh environment outside the checkout, run the demo and a script there
 	VOXGRAN_DIST=dist $(BIN)/python -m pytest -m dist
 
-bench: $(BENCHES) $(TABLES) table-first_calls   ## run time against error of voxelization, distances and packing, as figures
+bench: $(BENCHES) $(TABLES) table-block_speed table-first_calls   ## run time against error of voxelization, distances and packing, as figures
 
 $(BENCHES): bench-%: $(STAMP)
 	$(BIN)/voxgran bench $* -o docs/figures
@@ -116,6 +116,9 @@ $(TABLES): table-%: $(STAMP)
 
 table-view_cost: demo
 
+table-block_speed: $(STAMP)
+	DASK_NUM_WORKERS=1 OMP_NUM_THREADS=1 $(BIN)/python tools/block_speed.py out/blocks 400 docs/figures/blocks.csv --limit 2
+
 table-first_calls: dist   ## first calls of the wheel, in an environment that has nothing else
 	$(BIN)/python -m venv --clear out/wheel
 	out/wheel/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
@@ -126,7 +129,11 @@ $(STUDIES): study-%: $(STAMP)   # tables and figures of docs/validation/densitie
 	cp out/studies/$*/cells.csv docs/figures/study_$*.csv
 	cp out/studies/$*/$(DENSITY_$*)_solid_fraction_by_cell.svg docs/figures/study_$*.svg
 
-studies: $(STUDIES) example-hulls_on_a_front   ## the studies of examples/studies
+study-density: $(STAMP)
+	$(BIN)/voxgran study examples/study_density.toml -o out/studies/density
+	cp out/studies/density/cells.csv docs/figures/study_density.csv
+
+studies: $(STUDIES) study-density example-hulls_on_a_front   ## the studies of examples/studies
 
 figures: demo $(EXAMPLES) example-report example-app   ## the pictures of README and docs, and the tables that examples write
 	cp out/demo/whole.png docs/figures/demo.png
