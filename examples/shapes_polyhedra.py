@@ -35,9 +35,7 @@ snub = snub / np.linalg.norm(snub[0])
 show("polyhedron", steiner_volume(snub, 0.2), sphere_swept(snub, 0.2, 0.004))
 semi_axes, e = (1.0, 2.0, 3.0), 0.5
 show(
-    "superquadric",
-    volume_of(e, e, np.array(semi_axes)),
-    vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes),
+    "superquadric", volume_of(e, e, np.array(semi_axes)), vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes)
 )
 show("torus", 2 * math.pi**2 * 0.16, vg.make_shape("torus", major_radius=1, minor_radius=0.4))
 cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]

@@ -1,10 +1,10 @@
 """Measure time and memory of images in blocks: block_speed.py FOLDER EDGE FILE.csv [STEP ...] [--limit GIB]
 
 The image has EDGE voxels along each axis and shows a packing of spheres of about 30 voxels, which touch. It is painted
-by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. The file has a row for each step:
-CPU seconds, nanoseconds of them for each voxel, and the largest memory of the process (without what lies in files); what
-was found is printed. Steps: image, components, distance, thickness, segment, labels; default: all of them, in this order. With a
-limit a step that takes more memory fails.
+by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. The file has a row for each
+step: CPU seconds, nanoseconds of them for each voxel, and the largest memory of the process (without what lies in
+files); what was found is printed. Steps: image, components, distance, thickness, segment, labels; default: all of them,
+in this order. With a limit a step that takes more memory fails.
 """
 
 import argparse

@@ -6,7 +6,8 @@ The source of a number stands beside it in a comment, which no reader of the pag
   0.61<!-- = of("front", program="dense", grains=500000).inner_solid_fraction:.2f -->
 
     The number before the comment is the value of the expression: of(FILE, column=value, ...) is the only row of
-    docs/figures/FILE.csv with these values (names of columns have _ in place of dots), and column(FILE, name, column=value, ...) the list of a column.
+    docs/figures/FILE.csv with these values, and column(FILE, name, column=value, ...) the list of a column. Names of
+    columns have _ in place of dots.
 
   <!-- rows of dice.csv by solid where shaken == "true"
   | {solid} | {at(method="gravity").bulk_solid_fraction:.3f} | {published:.2f} |
@@ -15,7 +16,8 @@ The source of a number stands beside it in a comment, which no reader of the pag
     The rows of the table that follows, below its head, are made of these lines, once for each row of the file or, after
     "by", for each group of rows with equal values of some columns. A field has the value of a column, or of an
     expression: at(column=value, ...) is the only row of the group with these values, and each(name, column=value, ...)
-    the list of a column of the group. The format .2r is .2g without exponents. After "values of" the lines are taken once, and the group is the whole file.
+    the list of a column of the group. After "values of" the lines are taken once, and the group is the whole file. The
+    format .2r is .2g without exponents.
 
 With --run, the Python of a page is run in an empty folder; what it prints is compared with the block "text" that
 follows it, and what commands of a block "console" print with the lines below them, where there are some. With --write,
@@ -75,7 +77,9 @@ def pages() -> list[Path]:
 def table(name: str) -> list[Row]:
     """Return the rows of a file of docs/figures."""
     with (FIGURES / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-        return [Row({re.sub(r"\W", "_", key): _number(text) for key, text in row.items()}) for row in csv.DictReader(file)]
+        return [
+            Row({re.sub(r"\W", "_", key): _number(text) for key, text in row.items()}) for row in csv.DictReader(file)
+        ]
 
 
 def _number(text: str) -> Any:
