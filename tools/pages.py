@@ -83,10 +83,10 @@ def table(name: str) -> list[Row]:
 
 
 def _number(text: str) -> Any:
-    """Return a cell as a number where it is one."""
+    """Return a cell as a number where it is one; that of NaN is empty."""
     for kind in (int, float):
         with contextlib.suppress(ValueError):
-            return kind(text)
+            return "" if text == "nan" else kind(text)
     return text
 
 
@@ -129,9 +129,9 @@ def value_of(expression: str, names: dict[str, Any]) -> Any:
 
 
 def told(expression: str, form: str | None, names: dict[str, Any]) -> str:
-    """Return the value of an expression as text; nothing of an empty cell and of NaN."""
+    """Return the value of an expression as text; nothing of an empty cell."""
     value = value_of(expression, names)
-    if value == "" or value != value:
+    if value == "":
         return ""
     if form and form.endswith("r"):
         return f"{float(format(value, f'{form[:-1]}g')):,.10g}"
