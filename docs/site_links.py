@@ -20,6 +20,8 @@ MADE = ("gallery", "methods", "reference")
 FENCE = r"^(?P<fence>```+|~~~+|:::+)(?s:.*?)^(?P=fence)[ \t]*$"
 CODE = r"``[^`]+``|`[^`\n]+`"
 LINK = re.compile(rf"{FENCE}|{CODE}|(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)", re.MULTILINE)
+#: a comment, with its line where it has lines of its own
+COMMENT = re.compile(r"^<!--(?s:.*?)-->\n|<!--(?s:.*?)-->", re.MULTILINE)
 #: what is no prose: fences, headings, tables, indented code, links, roles, code, bold words
 NO_PROSE = re.compile(
     rf"{FENCE}|^#.*$|^\|.*$|^ {{4,}}.*$|!?\[(?:[^\[\]]|\[[^\]]*\])*\]\([^)]*\)|\{{\w+\}}`[^`]*`|\*\*[^*]+\*\*|{CODE}",
@@ -145,7 +147,8 @@ def on_source(app, name, source):
     file = Path(app.env.doc2path(name))
     if file.suffix != ".md":
         return
-    text = with_pages_that_exist(source[0], file.parent)
+    # sources of numbers, which tools/pages.py reads
+    text = COMMENT.sub("", with_pages_that_exist(source[0], file.parent))
     if file.relative_to(DOCS).as_posix() not in ROOT_PAGES.values():
         text = with_links(text, file.parent)
     if name not in ("glossary", "index", "changelog") and not name.startswith("reference/"):

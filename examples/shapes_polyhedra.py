@@ -3,12 +3,11 @@ Polyhedra, superquadrics, fragments and Fourier grains
 ======================================================
 
 Polyhedra, smooth solids, fragments and grains from Fourier descriptors: numbers and a picture. The script prints, for
-solids with a closed formula, the triangles, the CPU milliseconds and how far the volume of the mesh is
-from that of the true solid, and the sum of the cells of a box.
+solids with a closed formula, the triangles and how far the volume of the mesh is from that of the true solid, and the
+sum of the cells of a box.
 """
 
 import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -25,27 +24,20 @@ from voxgran.shapes.generating.regular_solids import corners_of
 folder.mkdir(parents=True, exist_ok=True)
 
 
-def show(name, volume, make):
+def show(name, volume, solid):
     """Print a line about a shape and how far its volume is from that of the true solid."""
-    times = []
-    for _ in range(5):
-        began = time.process_time()
-        solid = make()
-        times.append(time.process_time() - began)
     error = abs(solid.volume / volume - 1)
-    print(f"{name:18s} triangles {len(solid.faces):5d}  {1e3 * min(times):5.1f} ms  error of the volume {error:.1e}")
+    print(f"{name:18s} triangles {len(solid.faces):5d}  error of the volume {error:.1e}")
 
 
 snub = corners_of("snub_cube")
 snub = snub / np.linalg.norm(snub[0])
-show("polyhedron", steiner_volume(snub, 0.2), lambda: sphere_swept(snub, 0.2, 0.004))
+show("polyhedron", steiner_volume(snub, 0.2), sphere_swept(snub, 0.2, 0.004))
 semi_axes, e = (1.0, 2.0, 3.0), 0.5
 show(
-    "superquadric",
-    volume_of(e, e, np.array(semi_axes)),
-    lambda: vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes),
+    "superquadric", volume_of(e, e, np.array(semi_axes)), vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes)
 )
-show("torus", 2 * math.pi**2 * 0.16, lambda: vg.make_shape("torus", major_radius=1, minor_radius=0.4))
+show("torus", 2 * math.pi**2 * 0.16, vg.make_shape("torus", major_radius=1, minor_radius=0.4))
 cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]
 print(f"voronoi_fragment   cells of one box, their sum: 1 {sum(cell.volume for cell in cells) - 1:+.0e}")
 

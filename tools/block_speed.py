@@ -1,10 +1,10 @@
-"""Measure time and memory of images in blocks: block_speed.py FOLDER EDGE [STEP ...] [--limit GIB]
+"""Measure time and memory of images in blocks: block_speed.py FOLDER EDGE FILE.csv [STEP ...] [--limit GIB]
 
 The image has EDGE voxels along each axis and shows a packing of spheres of about 30 voxels, which touch. It is painted
-by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. A line for each step: CPU
-seconds, nanoseconds of them for each voxel, the largest memory of the process (without what lies in files), and what
-was found. Steps: image, components, distance, thickness, segment, labels; default: all of them, in this order. With a
-limit a step that takes more memory fails.
+by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. The file has a row for each
+step: CPU seconds, nanoseconds of them for each voxel, and the largest memory of the process (without what lies in
+files); what was found is printed. Steps: image, components, distance, thickness, segment, labels; default: all of them,
+in this order. With a limit a step that takes more memory fails.
 """
 
 import argparse
@@ -22,6 +22,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import voxgran as vg
+from voxgran.bench.model import write_rows
 
 VOXEL, BLOCK = 1 / 30, 128
 
@@ -109,13 +110,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("edge", type=int)
+    parser.add_argument("table", type=Path)
     parser.add_argument("steps", nargs="*", metavar="step")
     parser.add_argument("--limit", type=float, default=math.inf)
     given = parser.parse_args()
     if len(given.steps) != 1:
+        rows = []
         for step in given.steps or STEPS:
-            command = [sys.executable, __file__, given.folder, str(given.edge), step, f"--limit={given.limit}"]
-            subprocess.run(command, check=True)
+            words = [__file__, given.folder, str(given.edge), given.table, step, f"--limit={given.limit}"]
+            rows.append(subprocess.run([sys.executable, *words], check=True, stdout=subprocess.PIPE, text=True).stdout)
+        write_rows(given.table, "step,seconds,nanoseconds_a_voxel,largest_memory_mib", [row.strip() for row in rows])
         return
     if given.limit < math.inf:
         # what programs write to: files that are mapped are no part of it, and threads that wait take none
@@ -127,7 +131,8 @@ def main() -> None:
     found = STEPS[step](given.folder, given.edge)
     seconds = time.process_time() - began
     each = seconds / given.edge**3 * 1e9
-    sys.stdout.write(f"{step}: {seconds:.0f} s, {each:.0f} ns a voxel, {memory.most} MiB; {found}\n")
+    sys.stdout.write(f"{step},{seconds:.0f},{each:.0f},{memory.most}\n")
+    sys.stderr.write(f"{step}: {found}\n")
 
 
 if __name__ == "__main__":

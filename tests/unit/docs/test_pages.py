@@ -19,9 +19,6 @@ GUIDE = [path for path in PAGES if path.parent.name == "guide" and path.name != 
 NEW_GUIDE = ("containers", "packing", "files", "checkpoints")
 #: lists of files and their members
 WITHOUT_PICTURE = ("checkpoints", "decks_blocks", "files")
-#: what makes pictures: the targets of make, examples, tests with a browser
-MAKERS = "".join(path.read_text() for path in [*ROOT.glob("examples/*.py"), *ROOT.glob("tests/browser/*.py")])
-MAKERS += (ROOT / "Makefile").read_text()
 #: two screens
 LONGEST_TEXT = 70
 
@@ -66,12 +63,8 @@ def test_a_page_of_the_guide_begins_with_what_it_is_for_and_an_example(path):
 
 
 @pytest.mark.parametrize("path", GUIDE, ids=name_of)
-def test_a_page_of_the_guide_shows_a_picture_that_a_command_makes(path):
-    shown = set(re.findall(r"!\[.+?\]\(\.\./figures/(\w+)\.(?:svg|png)\)", path.read_text()))
-    assert shown or path.stem in WITHOUT_PICTURE
-    for name in shown:
-        made = rf"\b{name}\.(?:svg|png)|bench {name}\b|for study.* {name.removeprefix('study_')}\."
-        assert re.search(made, MAKERS), name
+def test_a_page_of_the_guide_shows_a_picture(path):
+    assert re.search(r"!\[.+?\]\(\.\./figures/\w+\.(?:svg|png)\)", path.read_text()) or path.stem in WITHOUT_PICTURE
 
 
 @pytest.mark.parametrize("part", ["start", "guide", "validation", "contribute"])
