@@ -16,6 +16,7 @@ from voxgran._base.errors import DirtyMeshWarning, InputError, Interrupted, Pack
 from voxgran._base.files import write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import Step
+from voxgran._base.stopping import NUMBERS
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
 from voxgran.scene.checked_sections import located, read_toml
@@ -264,7 +265,7 @@ class Queue:
                 _note(run, *told)
         except (EOFError, OSError):
             code = process.process.wait()
-            stopped = -code in (signal.SIGTERM, signal.SIGINT)
+            stopped = -code in NUMBERS
             run.state = "stopped" if stopped else "failed"
             run.error = "" if stopped else f"its process {ending_of(code)}: memory may have run out"
         if run.state == "running":

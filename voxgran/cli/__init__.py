@@ -9,7 +9,7 @@ __all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
+    """Run a command and return the exit status: 0, 2 for bad input, 1 for failure, 129, 130 and 143 if interrupted.
 
     The arguments are the words after the name of the program; by default those of this process, which then ends where
     it is interrupted.

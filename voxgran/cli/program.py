@@ -1,6 +1,6 @@
 """Entry of the command line: what a command raises becomes one line on the error stream and an exit status.
 
-2 is bad input, 1 failure, 130 and 143 an interrupt.
+2 is bad input, 1 failure, 129, 130 and 143 an interrupt.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from voxgran.cli.terminal import complain, warn
 
 
 def run(arguments: Sequence[str] | None, signals: Signals) -> int:
-    """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
+    """Run a command and return the exit status: 0, 2 for bad input, 1 for failure, 129, 130 and 143 if interrupted.
 
     Parameters
     ----------

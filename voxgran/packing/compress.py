@@ -123,7 +123,7 @@ def compress(
     InUseError
         If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written; on a second signal, at once.
+        On SIGINT, SIGTERM or SIGHUP, after a checkpoint was written; on a second signal, at once.
 
     Warns
     -----
