@@ -5,6 +5,7 @@ import hmac
 import logging
 import os
 import secrets
+import signal
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -60,7 +61,7 @@ def serve(
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
     desk, door = Desk(mapping, folder, base), folder.resolve() / f".voxgran-app-{secrets.token_hex(4)}.html"
-    page = Page(desk, server)
+    page, tasks = Page(desk, server), list[Any]()
 
     def ready(**_: Any) -> None:
         address = f"http://{HOST}:{server.port}/?secret={token}"
@@ -68,9 +69,21 @@ def serve(
             told(address)
         if open_browser:
             _open(address, door)
-        asyncio.get_event_loop().create_task(page.watch())
+        loop = asyncio.get_event_loop()
+        tasks.append(loop.create_task(page.watch()))
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            # a terminal that is closed ends the server too
+            loop.add_signal_handler(signal.SIGHUP, os.kill, os.getpid(), signal.SIGTERM)
 
-    server.controller.on_server_bind.add(lambda bound: bound.app.middlewares.append(guard_of(page, token)))
+    async def validate(given: Any, client: str) -> bool:
+        del client
+        return is_secret(given, token)
+
+    def bound(web_server: Any) -> None:
+        web_server.app.middlewares.append(guard_of(page, token))
+        server.protocol.validateToken = validate
+
+    server.controller.on_server_bind.add(bound)
     server.controller.on_server_ready.once(ready)
     load("trame_server.protocol").CoreServer.authentication_token = token
     server.cli.set_defaults(authKey=token)
@@ -108,14 +121,14 @@ def guard_of(page: Page, token: str) -> Any:
     web = load("aiohttp.web")
 
     async def guard(request: Any, handler: Callable[[Any], Any]) -> Any:
-        looks = request.headers.get("Upgrade", "").lower() == "websocket"
+        looks = request.path == SOCKET
         try:
             host, cookie = urlsplit(f"//{request.host}").hostname, f"voxgran-{request.url.port}"
         except ValueError:
             return web.Response(status=400, text="the host is none: open the address that voxgran prints")
         if host not in (HOST, "localhost"):
             return web.Response(status=403, text=f"the app is at {HOST} only")
-        if request.path == SOCKET and not looks:
+        if looks and not web.WebSocketResponse().can_prepare(request):
             return web.Response(status=400, text=f"{SOCKET} is for the page: open the address that voxgran prints")
         given = request.query.get("secret")
         if request.path in ("/", "/index.html"):
