@@ -4,6 +4,7 @@
 """
 
 import argparse
+import errno
 import io
 import logging
 import os
@@ -78,6 +79,8 @@ def _run(words: list[str], signals: Signals) -> int:
         # whoever read the output has gone: there is nobody to tell
         return 0
     except OSError as error:
+        if error.errno == errno.ENOMEM:
+            raise MemoryError from error
         complain(f"the output cannot be written ({error.strerror or error}): free space or choose another place")
         return OutputError.exit_code
 

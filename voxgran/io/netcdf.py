@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
-from voxgran._base.files import as_path, existing_file, output_suffix, write_files, written_whole
+from voxgran._base.files import PROBE, as_path, existing_file, output_suffix, write_files, written_whole
 from voxgran._base.guarded import Content, one_file, read_guarded, refused
 from voxgran._base.lazy import DataArray, Dataset, DataTree, load
 from voxgran.measures.accessor import register_accessor
@@ -79,6 +79,8 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
         safe["/"].attrs[_NAME] = str(tree.name)
     with written_whole(path, overwrite=overwrite) as draft:
         try:
+            # netCDF takes any error of a new file for a lack of permission
+            draft.write_bytes(bytes(PROBE))
             xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
         # a name that is not UTF-8 is refused by the library
         except (RuntimeError, UnicodeEncodeError) as error:
