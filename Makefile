@@ -11,7 +11,8 @@ ENGINES ?= .venv-engines
 # the environment of the lowest versions, and what is tested there: a file or folder of each library
 LOWEST ?= .venv-lowest
 QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clumps/test_fit.py shapes/test_families.py \
-  shapes/test_image_files.py report/test_figures.py packing/digital/test_walk.py contacts/test_verify.py test_cli.py)
+  shapes/test_image_files.py report/test_figures.py packing/digital/test_walk.py contacts/test_verify.py test_cli.py) \
+  tests/security
 
 # modules are compiled once, also where the environment says that none are kept
 unexport PYTHONDONTWRITEBYTECODE
@@ -183,7 +184,7 @@ $(ENGINES)/.ok: tools/engines.sh | $(STAMP)
 
 $(LOWEST)/.ok: pyproject.toml tools/lowest.py | $(STAMP)
 	$(BIN)/python -m venv --clear $(LOWEST)
-	$(BIN)/python tools/lowest.py dev images > $(LOWEST)/constraints.txt
+	$(BIN)/python tools/lowest.py blocks dev images > $(LOWEST)/constraints.txt
 	$(LOWEST)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check \
-	  --constraint $(LOWEST)/constraints.txt --editable '.[images]' pytest hypothesis
+	  --constraint $(LOWEST)/constraints.txt --editable '.[blocks,images]' pytest hypothesis
 	touch $@

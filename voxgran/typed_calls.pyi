@@ -66,7 +66,7 @@ class ApollonianKeywords(PackKeywords, total=False):
 class CompressionKeywords(PackKeywords, total=False):
     stress: Number | (Sequence[Number] | NDArray[Any])
     axes: str
-    friction: Number | Materials
+    friction: Number | Materials | None
     height: Number | None
     rate: Number | None
     rest: Number
@@ -118,7 +118,7 @@ class DigitalFillKeywords(LatticeSearchKeywords, total=False):
 class GrowthRateKeywords(PackKeywords, total=False):
     growth_rate: Number
 class SettlingKeywords(PackKeywords, total=False):
-    friction: Number | Materials
+    friction: Number | Materials | None
     restitution: Number
     shaking: Shaking | None
     lid: Lid | None

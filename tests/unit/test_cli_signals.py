@@ -101,9 +101,10 @@ def is_alive(pid):
     ("body", "number", "status"),
     [
         (COMPUTES, signal.SIGTERM, 143), (LOOKS, signal.SIGINT, 130), (SWALLOWS, signal.SIGINT, 130),
-        slow(COMPUTES, signal.SIGINT, 130), slow(LOOKS, signal.SIGTERM, 143), slow(SWALLOWS, signal.SIGTERM, 143),
+        (LOOKS, signal.SIGHUP, 129), slow(COMPUTES, signal.SIGINT, 130),
+        slow(LOOKS, signal.SIGTERM, 143), slow(SWALLOWS, signal.SIGTERM, 143),
     ],
-    ids=["computes-15", "looks-2", "swallows-2", "computes-2", "looks-15", "swallows-15"],
+    ids=["computes-15", "looks-2", "swallows-2", "looks-1", "computes-2", "looks-15", "swallows-15"],
 )  # fmt: skip
 def test_a_program_ends_with_one_line(body, number, status, tmp_path):
     program, line = begun(body, tmp_path)

@@ -140,7 +140,7 @@ class TooLargeError(VoxgranError, MemoryError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run stopped by SIGINT or SIGTERM; no error, so that ``except Exception`` does not catch it.
+    """A run stopped by SIGINT, SIGTERM or SIGHUP; no error, so that ``except Exception`` does not catch it.
 
     The exit code is 130 or 143.
     """

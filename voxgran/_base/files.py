@@ -38,6 +38,8 @@ STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
 MOST_UNPACKED = 2**28
 #: names of drafts: a hash of the name of the file, and a random number
 DRAFTS = r"\.voxgran-[0-9a-f]{8}-[0-9a-f]{8}(\..*)?"
+#: bytes that are written to see whether a library can
+PROBE = 4096
 #: longest suffix that a draft takes over, in bytes; those of known formats are shorter
 LONGEST_SUFFIX = 32
 
@@ -209,6 +211,7 @@ def written_whole(
         refuse_to_replace(target)
     if is_own is not None:
         _refuse_other_files(target, is_own)
+    _refuse_dangling(target)
     heed()
     draft, made = None, list[Path]()
     try:
@@ -239,6 +242,20 @@ def written_whole(
             # new folders stay where something lies in them
             for parent in made:
                 parent.rmdir()
+
+
+def _refuse_dangling(target: Path) -> None:
+    """Refuse a file for which folders would be made at the end of a link that leads nowhere.
+
+    Raises
+    ------
+    OutputError
+        If it is, or lies behind, such a link.
+    """
+    for path in (target, *target.parents):
+        end = Path(os.path.realpath(path))
+        if path.is_symlink() and not end.exists() and not (path == target and end.parent.is_dir()):
+            raise OutputError(f"{path} is a link to {end}, which is not there: make its folder, or name another place")
 
 
 def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:

@@ -3,14 +3,17 @@
 On a damaged file a library may crash, compute without end, ask for more memory than there is, or print. In a process of
 its own that costs the caller one exception. The process is started as a plain Python program, and not by
 `multiprocessing`, so that scripts need no ``__main__`` guard; it imports only the reader, has limits of memory and of
-CPU time that grow with the file, and sends numbers and arrays through a pipe.
+CPU time that grow with the file, and sends numbers and arrays through a pipe. Parts of a large image are read by
+processes that are kept, since each part takes less time than a start.
 """
 
+import atexit
 import contextlib
 import importlib
 import json
 import math
 import os
+import queue
 import resource
 import signal
 import subprocess
@@ -18,8 +21,9 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +40,8 @@ Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 SECONDS, SECONDS_PER_BYTE = 2.5, 5e-6
 #: memory in bytes that a reader may take: for any file, and for each byte of it (DEFLATE makes at most 1032 of one)
 MEMORY, MEMORY_PER_BYTE = 2**31, 4000
+#: the same for each byte of a part, which is counted as it is unpacked
+MEMORY_PER_PART = 16
 #: how many times its CPU time a reader may take on a clock, since other processes run too
 PATIENCE = 20.0
 
@@ -61,30 +67,122 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
         If the file is damaged.
     """
     size = sum(item.stat().st_size for item in (path.iterdir() if path.is_dir() else (path,)))
-    seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
-    request = {
-        "module": reader.__module__,
-        "name": reader.__qualname__,
-        "path": str(path),
-        "options": options,
-        "seconds": seconds,
-        "memory": min(memory, memory_limit()),
-    }
-    with _process(json.dumps(request)) as process:
-        clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
-        clock.daemon = True
-        clock.start()
-        try:
-            return _answer(process, path, seconds)
-        except TooLargeError as error:
-            if memory > memory_limit():
-                raise
-            raise FileFormatError(
-                f"{path} of {size} bytes asks for more than {memory / 2**30:.3g} GiB of memory: it is damaged; write "
-                "it again"
-            ) from error
-        finally:
-            clock.cancel()
+    memory = MEMORY + MEMORY_PER_BYTE * size
+    request = _request(reader, path, options, size, memory)
+    with _process(request) as process:
+        _await_reader(process, path)
+        return _timed(process, path, request, f"{path} of {size} bytes", memory)
+
+
+def read_part(reader: Callable[..., Content], path: Path, *, size: int, **options: Any) -> Content:
+    """Return what a reader finds, as `read_guarded` does, in a process that is kept for further calls.
+
+    The limits of time and memory grow with `size`, the bytes of the part as numbers, and of what is unpacked for it.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, or unpacks to much more than `size`.
+    """
+    memory = MEMORY + MEMORY_PER_PART * size
+    request, idle = _request(reader, path, options, size, memory), _idle(os.getpid())
+    process = _waiting(idle, request, path)
+    is_kept = False
+    try:
+        with undone_at_end(process.kill):
+            answer = _timed(process, path, request, f"{path}, of which {size} bytes are read,", memory)
+        is_kept = True
+        return answer
+    except VoxgranError:
+        is_kept = process.poll() is None
+        raise
+    finally:
+        if is_kept:
+            idle.put(process)
+        else:
+            _end(process)
+
+
+@cache
+def _idle(number: int) -> "queue.LifoQueue[subprocess.Popen[bytes]]":
+    """Return the processes of the process of this number that wait for a part to read."""
+    del number
+    idle: queue.LifoQueue[subprocess.Popen[bytes]] = queue.LifoQueue()
+    atexit.register(lambda: list(map(_end, idle.queue)))
+    return idle
+
+
+def _request(reader: Callable[..., Content], path: Path, options: dict[str, Any], size: int, memory: int) -> str:
+    """Return what a process is asked for that reads `size` bytes."""
+    return json.dumps(
+        {
+            "module": reader.__module__,
+            "name": reader.__qualname__,
+            "path": str(path),
+            "options": options,
+            "seconds": SECONDS + SECONDS_PER_BYTE * size,
+            "memory": min(memory, memory_limit()),
+        }
+    )
+
+
+def _waiting(idle: "queue.LifoQueue[subprocess.Popen[bytes]]", request: str, path: Path) -> "subprocess.Popen[bytes]":
+    """Return a process that was waiting and has got a request, or a new one."""
+    with contextlib.suppress(queue.Empty):
+        while True:
+            process = idle.get_nowait()
+            # what it had read before may have ended it
+            with contextlib.suppress(MissingLibraryError):
+                _await_reader(process, path, request)
+                return process
+            _end(process)
+    process = _started(request, subprocess.PIPE)
+    try:
+        _await_reader(process, path)
+    except MissingLibraryError:
+        _end(process)
+        raise
+    return process
+
+
+def _await_reader(process: "subprocess.Popen[bytes]", path: Path, request: str = "") -> None:
+    """Wait until a process has the reader of the request with which it was started, or of another one.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it has ended.
+    """
+    assert process.stdout is not None
+    with contextlib.suppress(OSError):
+        if request:
+            assert process.stdin is not None
+            process.stdin.write(request.encode() + b"\n")
+            process.stdin.flush()
+        if process.stdout.readline() == _READY:
+            return
+    raise MissingLibraryError(
+        f"{sys.executable} cannot import voxgran in a second process, in which {path} is read: install it for this "
+        "Python"
+    )
+
+
+def _timed(process: "subprocess.Popen[bytes]", path: Path, request: str, what: str, memory: int) -> Content:
+    """Return what a process answers in time, or raise what it could not do."""
+    seconds = json.loads(request)["seconds"]
+    clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
+    clock.daemon = True
+    clock.start()
+    try:
+        return _answer(process, path, seconds)
+    except TooLargeError as error:
+        if memory > memory_limit():
+            raise
+        raise FileFormatError(
+            f"{what} asks for more than {memory / 2**30:.3g} GiB of memory: it is damaged; write it again"
+        ) from error
+    finally:
+        clock.cancel()
 
 
 @contextlib.contextmanager
@@ -119,11 +217,19 @@ def reason_of(error: BaseException, *, most: int = 100) -> str:
 
 
 def serve(request: str) -> None:
-    """Read the file of a request of `read_guarded` (JSON: reader, file, options, limits) to the standard output."""
+    """Read the file of a request of `read_guarded` (JSON: reader, file, options, limits) to the standard output, then
+    those of the lines of the standard input.
+    """
     # what libraries print goes where the standard error goes, which is nowhere
     channel = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    asked = json.loads(request)
+    while request:
+        _serve_one(json.loads(request), channel)
+        request = sys.stdin.readline()
+
+
+def _serve_one(asked: dict[str, Any], channel: BinaryIO) -> None:
+    """Answer a request."""
     reader = getattr(importlib.import_module(asked["module"]), asked["name"])
     channel.write(_READY)
     channel.flush()
@@ -140,6 +246,21 @@ def serve(request: str) -> None:
     for array in arrays.values():
         channel.write(array.reshape(-1).view(np.uint8).data)
     channel.flush()
+
+
+@contextlib.contextmanager
+def one_file() -> Iterator[None]:
+    """Let this process have one more file open at a time (context manager): a file of HDF5 may name others, whose
+    content the library takes for its own.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    free = os.dup(0)
+    os.close(free)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (free + 1, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def _of_numbers(array: NDArray[Any], path: Path) -> NDArray[Any]:
@@ -162,12 +283,23 @@ def _limit(seconds: float, memory: int) -> None:
 
 
 @contextlib.contextmanager
-def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
+def _process(request: str) -> Iterator["subprocess.Popen[bytes]"]:
     """Start the process and see that it ends."""
+    process = _started(request, subprocess.DEVNULL)
     try:
-        process = subprocess.Popen(
+        with undone_at_end(process.kill):
+            yield process
+    finally:
+        # after its answer too: the destructors of libraries may crash on what they have read
+        _end(process)
+
+
+def _started(request: str, stdin: int) -> "subprocess.Popen[bytes]":
+    """Start a process with its first request."""
+    try:
+        return subprocess.Popen(
             [sys.executable, "-P", "-c", _START, request, *map(str, sys.path)],
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, **_ENVIRONMENT},
@@ -178,24 +310,19 @@ def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
             f"{sys.executable or 'Python'} cannot be started as a second process ({reason_of(error)}): such files are "
             "read in one; free processes and memory"
         ) from error
-    try:
-        with undone_at_end(process.kill):
-            yield process
-    finally:
-        # after its answer too: the destructors of libraries may crash on what they have read
-        process.kill()
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process, whatever it does."""
+    process.kill()
+    with contextlib.suppress(OSError):
         process.communicate()
 
 
-def _answer(process: subprocess.Popen[bytes], path: Path, seconds: float) -> Content:
+def _answer(process: "subprocess.Popen[bytes]", path: Path, seconds: float) -> Content:
     """Return what the process answers, or raise what it could not do."""
     assert process.stdout is not None
     stream = process.stdout
-    if stream.readline() != _READY:
-        raise MissingLibraryError(
-            f"{sys.executable} cannot import voxgran in a second process, in which {path} is read: install it for "
-            "this Python"
-        )
     line = stream.readline()
     if not line.endswith(b"\n"):
         raise _ended(process, path, seconds)

@@ -10,11 +10,14 @@ who compare the seconds of runs.
 import contextlib
 import importlib
 import os
+import re
+import resource
 import sys
 import time
 from collections.abc import Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +51,9 @@ LIBRARIES = (
 
 #: names by which libraries are known that are imported by another one
 _TITLES = {"skimage": "scikit-image"}
+
+#: bytes that some libraries need to be loaded
+SHORT = 2**28
 
 _DEBIAN_PACKAGES = {
     "libusb-1.0": "libusb-1.0-0",
@@ -157,8 +163,19 @@ def loaded() -> tuple[str, ...]:
     return tuple(name for name in LIBRARIES if isinstance(sys.modules.get(name), ModuleType))
 
 
+def _is_short_of_memory() -> bool:
+    """Return whether this process has hardly any memory left of a limit that it has."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    with contextlib.suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        return limit != resource.RLIM_INFINITY and limit - pages * os.sysconf("SC_PAGE_SIZE") < SHORT
+    return False
+
+
 def _remedy(root: str, message: str) -> str:
-    """Say what installs the thing that is missing."""
+    """Say what installs the thing that is missing, or that memory is."""
+    if re.search("Cannot allocate memory|failed to map segment", message) or _is_short_of_memory():
+        return "there is too little memory; end other programs, or raise the limit (ulimit -v)"
     for library, package in _DEBIAN_PACKAGES.items():
         if library in message:
             return f"install it with 'sudo apt-get install -y {package}'"

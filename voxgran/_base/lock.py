@@ -9,6 +9,7 @@ import errno
 import json
 import logging
 import os
+import re
 import socket
 import time
 import zlib
@@ -17,14 +18,39 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import InUseError, OutputError
+from voxgran._base.files import DRAFTS
 from voxgran._base.stopping import undone_at_end
 
 log = logging.getLogger(__name__)
 
 #: the file that locks a folder
 FOLDER_LOCK = ".voxgran.lock"
+#: names of files that lock another one beside them
+LOCKS = r"\.voxgran-[0-9a-f]{8}\.lock"
 #: errors of `flock` on file systems without locks
 _UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOLCK)
+
+
+def is_left(path: Path) -> bool:
+    """Return whether a file is a lock of voxgran that no process holds, or a draft, as killed processes leave them.
+
+    Parameters
+    ----------
+    path : Path
+        The file; drafts are left only where no process writes into its folder.
+    """
+    if path.is_symlink() or not path.is_file():
+        return False
+    if re.fullmatch(DRAFTS, path.name):
+        return True
+    if path.name != FOLDER_LOCK and not re.fullmatch(LOCKS, path.name):
+        return False
+    with contextlib.suppress(OSError, InUseError), path.open("r+b") as file:
+        # one of no length was not yet signed
+        if {"pid", "host"} <= _read(file.fileno()).keys() or not path.stat().st_size:
+            _take(file.fileno(), path, path)
+            return True
+    return False
 
 
 @contextlib.contextmanager

@@ -17,8 +17,8 @@ from voxgran._base.errors import Interrupted
 _asked: ContextVar[Callable[[], bool]] = ContextVar("asked", default=lambda: False)
 _innermost: ContextVar["Signals | None"] = ContextVar("innermost", default=None)
 
-#: signals that ask to stop
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+#: signals that ask to stop: Ctrl-C, the system, and a terminal that is closed
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Stopped(BaseException):
@@ -89,7 +89,7 @@ def undone_at_end(undo: Callable[[], object]) -> Iterator[None]:
 
 
 class Signals:
-    """Note SIGINT and SIGTERM instead of ending at once (context manager); in the main thread only.
+    """Note SIGINT, SIGTERM and SIGHUP instead of ending at once (context manager); in the main thread only.
 
     `number` is the first signal received, 0 for none. The first look after it ends the work unless `patient`; a second
     signal always ends it at once. What is noted and not heeded until the block ends is noted by the one around it.
@@ -117,6 +117,9 @@ class Signals:
                     self.number = self.number or self._around.number
             self._token = _innermost.set(self)
             for number in NUMBERS:
+                if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                    # started by nohup
+                    continue
                 self._before[number] = signal.signal(number, self._note)
         return self
 

@@ -103,11 +103,24 @@ def meta_image(path: Path) -> Content:
     """
     head = path.read_bytes()[:HEADER].partition(b"ElementDataFile")[2].partition(b"\n")[0].decode("latin-1")
     name = head.strip(" =\r\t")
-    if name != "LOCAL" and (name != Path(name).name or not (path.parent / name).is_file()):
+    if name != "LOCAL":
+        refuse_elsewhere(path, name)
+    return _image_by("vtkMetaImageReader", path, "SetFileName")
+
+
+def refuse_elsewhere(path: Path, name: str) -> None:
+    """Refuse a header whose values lie in another folder than it, also by a link.
+
+    Raises
+    ------
+    FileFormatError
+        If they do.
+    """
+    data = path.parent / name
+    if name != Path(name).name or not data.is_file() or data.resolve().parent != path.resolve().parent:
         raise FileFormatError(
             f"{path} has its values in {name[:80]!r}: they must lie in it or in one file beside it; copy them"
         )
-    return _image_by("vtkMetaImageReader", path, "SetFileName")
 
 
 def dicom_series(path: Path) -> Content:

@@ -11,11 +11,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from voxgran._base.errors import InputError, VoxgranError
+from voxgran._base.errors import InputError, VoxgranError, shown
+from voxgran._base.files import as_path, made_folder, write_files
 from voxgran.app.forms import Form, forms_of, mapping_of, rest_of, scene_of
 from voxgran.app.look import Look
 from voxgran.app.runs import Queue, Run, heard
 from voxgran.contacts.verify import Verification, verify
+from voxgran.decks.engine import engines
 from voxgran.io.files import load
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import measure
@@ -124,10 +126,15 @@ class Desk:
         Raises
         ------
         InputError
-            If it is the only one.
+            If it is the only one, or there is none.
         """
-        if sum(form["name"] == "shape" for form in self.forms) < 2:
+        shapes = [k for k, form in enumerate(self.forms) if form["name"] == "shape"]
+        if len(shapes) < 2:
             raise InputError("the only shape cannot be removed: a scene needs one; add another first")
+        if index not in shapes:
+            raise InputError(
+                f"there is no shape in section {shown(index)}: shapes are in {shapes}; load the page again"
+            )
         del self.forms[index]
         self.refresh()
 
@@ -150,14 +157,23 @@ class Desk:
         return told
 
     def kept(self, name: str, content: bytes) -> Path:
-        """Keep an upload, and return its file."""
-        place = self.queue.folder.resolve() / "uploads" / Path(name).name
-        place.parent.mkdir(parents=True, exist_ok=True)
+        """Keep an upload, and return its file.
+
+        Raises
+        ------
+        InputError
+            If the name is none of a file.
+        OutputError
+            If it cannot be written.
+        """
+        place = as_path(made_folder(self.queue.folder.resolve() / "uploads") / Path(name).name)
+        if place.name in ("..", "uploads"):
+            raise InputError(f"the upload is called {shown(name)}: that is no name of a file; rename it")
         named, number = place, 1
         while place.exists():  # an upload of that name may be a shape of a run
             number += 1
-            place = named.with_stem(f"{named.stem}_{number}")
-        place.write_bytes(content)
+            place = as_path(named.with_stem(f"{named.stem}_{number}"))
+        write_files({place: content}, overwrite=False)
         return place
 
     def preview(self, scene: Scene | None = None) -> list[Shape]:
@@ -232,8 +248,11 @@ class Desk:
         Raises
         ------
         InputError
-            If no run is shown, or an engine cannot hold its grains.
+            If the name is of no such file, no run is shown, or an engine cannot hold its grains.
         """
+        known = [*self.FILES.values(), *(f"{engine}.zip" for engine in engines())]
+        if name not in known:
+            raise InputError(f"there is no file {shown(name)}: there are {', '.join(known)}; choose one")
         if self.shown is None or self.packing is None:
             raise InputError("no run is shown: show one first")
         scene = self.shown.folder.with_suffix(".toml")
@@ -259,6 +278,22 @@ class Desk:
                 deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
                 shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
             return place.read_bytes()
+
+
+def content_of(file: Any) -> tuple[str, bytes]:
+    """Return name and content of an upload as a page sends it.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    name, content = (file.get("name"), file.get("content")) if isinstance(file, dict) else (None, None)
+    if isinstance(content, list) and all(isinstance(part, bytes) for part in content):
+        content = b"".join(content)
+    if not (isinstance(name, str) and isinstance(content, bytes)):
+        raise InputError(f"the upload {shown(name)} has no name or no content: choose the file again")
+    return name, content
 
 
 def rest_of_grains(packing: Packing) -> dict[str, Any]:

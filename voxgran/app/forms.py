@@ -11,6 +11,7 @@ from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
 from voxgran._base.config import Parameter, kinds_of, parameters_of
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
@@ -125,6 +126,30 @@ def forms_of(mapping: Mapping[str, Any]) -> list[Form]:
         entries = given if isinstance(given, list) else [given]
         for number, entry in enumerate(entries):
             made.append(_form(name, section, entry, number if section.many else -1))
+    return made
+
+
+def edited(forms: Sequence[Form], given: Any) -> list[Form]:
+    """Return forms with the kinds, switches and texts that a page has now; nothing else is taken from it.
+
+    Raises
+    ------
+    InputError
+        If they are not of these forms.
+    """
+    made, words = [], "the forms of the page are not those of the scene: load the page again"
+    try:
+        for form, entry in zip(forms, given, strict=True):
+            texts = {field["name"]: field["text"] for field in entry["fields"]}
+            named = (entry["name"], entry["number"]) == (form["name"], form["number"])
+            named = named and isinstance(entry["on"], bool) and entry["kind"] in (form["kind"], *form["kinds"])
+            if not (named and all(isinstance(text, str | int | float | None) for text in texts.values())):
+                raise InputError(words)
+            fields = [{**field, "text": texts.get(field["name"], field["text"])} for field in form["fields"]]
+            fields = [{**field, "text": "" if field["text"] is None else str(field["text"])} for field in fields]
+            made.append({**form, "on": entry["on"], "kind": entry["kind"], "fields": fields})
+    except (TypeError, KeyError, ValueError) as error:
+        raise InputError(words) from error
     return made
 
 

@@ -11,10 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from voxgran._base.errors import VoxgranError
+from voxgran._base.arrays import as_number
+from voxgran._base.errors import InputError, VoxgranError
 from voxgran._base.lazy import load
-from voxgran.app.desk import Desk
-from voxgran.app.forms import spread
+from voxgran.app.desk import Desk, content_of
+from voxgran.app.failures import Failures
+from voxgran.app.forms import edited, spread
 from voxgran.app.look import ALONE, GRAINS, MANY, SPHERES, WINDOW
 from voxgran.app.runs import REST, Run
 from voxgran.app.scan import ScanPane
@@ -64,16 +66,18 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
+        self.failures = Failures(self.state)
+        self.caught = self.failures.caught
         texts = (*PLANNED, "python", "uploaded", "large")
         lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
         begin: dict[str, Any] = dict.fromkeys(texts, "") | {name: [] for name in lists}
         begin |= dict.fromkeys(("cut_x", "cut_y", "cut_z", "ratio"), 1.0) | {"trame__title": "voxgran", "shown": 0}
         begin |= {"colors": ["diameter"], "color_by": "diameter", "ways": [GRAINS], "way": GRAINS}
         self.state.update({**begin, "forms": desk.forms, "errors": {}, "upload": None, "engines": list(engines())})
-        self.state.change("forms")(self.edited)
-        self.state.change("upload")(self.take)
-        self.state.change("color_by", "way")(self.redraw)
-        self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
+        self.state.change("forms")(self.caught(self.edited))
+        self.state.change("upload")(self.caught(self.take))
+        self.state.change("color_by", "way")(self.caught(self.redraw))
+        self.state.change("cut_x", "cut_y", "cut_z")(self.caught(self.cut))
         self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits, self.follows = (0, 0), 0.0, False, 0, True
@@ -92,7 +96,11 @@ class Page:
         The forms themselves are sent back only where their fields change, since a person goes on typing.
         """
         before = [form["kind"] for form in self.desk.forms]
-        self.desk.forms = [dict(form) for form in self.state.forms]
+        try:
+            self.desk.forms = edited(self.desk.forms, self.state.forms)
+        except InputError:
+            self._send_forms()
+            raise
         changed = [*map(spread, self.desk.forms), [form["kind"] for form in self.desk.forms] != before]
         if changed[-1]:
             self.desk.refresh()
@@ -131,16 +139,16 @@ class Page:
         if not file:
             return
         self.state.uploaded, self.state.upload = "", None
-        content = bytes(file["content"])
-        if Path(file["name"]).suffix.lower() in READERS:
-            self._guarded(lambda: self.scan.open(self.desk.kept(file["name"], content)))
+        name, content = content_of(file)
+        if Path(name).suffix.lower() in READERS:
+            self._guarded(lambda: self.scan.open(self.desk.kept(name, content)))
             return
 
         def taken(told: str) -> None:
             self.state.uploaded = told
             self._send_forms()
 
-        self._worked(lambda: self.desk.upload(file["name"], content), taken)
+        self._worked(lambda: self.desk.upload(name, content), taken)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
@@ -204,7 +212,8 @@ class Page:
 
     def cut(self, **_: Any) -> None:
         """Cut the packing."""
-        self.desk.look.cut((float(self.state.cut_x), float(self.state.cut_y), float(self.state.cut_z)))
+        x, y, z = (as_number(self.state[f"cut_{axis}"], axis, at_least=0.0, at_most=1.0) for axis in "xyz")
+        self.desk.look.cut((x, y, z))
         self._update()
 
     async def download(self, what: str) -> bytes | None:
@@ -214,28 +223,31 @@ class Page:
             if what == "picture.png":
                 return self.desk.file(what)
             return await asyncio.get_running_loop().run_in_executor(self.thread, self.desk.file, what)
-        except VoxgranError as error:
-            self.state.error = str(error)
+        except Exception as error:  # noqa: BLE001  (it is shown)
+            self.failures.tell(error)
             return None
 
     async def watch(self) -> None:
         """Follow the runs, and send pictures, as long as the app is there."""
         while True:
-            for run in self.desk.queue.poll():
-                if run.state == "done" and self.follows:
-                    self.show(run.number, follows=True)
             began = time.monotonic()
-            self._fit()
-            self.scan.follow()
-            grown = self.lookers and began > self.due and self._grow()
-            if self.lookers:
-                self._push()
-            took = time.monotonic() - began
-            if grown:
-                self.due = began + REST * took
+            for step in (self._follow, self._fit, self.scan.follow, self._draw_growth, self._push):
+                self.caught(step)()
             self.state.runs = [run.told() for run in self.desk.queue.runs]
-            self.state.flush()
-            await asyncio.sleep(max(TICK, took))
+            self.caught(self.state.flush)()
+            await asyncio.sleep(max(TICK, time.monotonic() - began))
+
+    def _follow(self) -> None:
+        """Take note of the runs that have ended, and show the last one if it is followed."""
+        for run in self.desk.queue.poll():
+            if run.state == "done" and self.follows:
+                self.show(run.number, follows=True)
+
+    def _draw_growth(self) -> None:
+        """Draw the grains of the run that is computed, for those who look, in a small share of the time."""
+        began = time.monotonic()
+        if self.lookers and began > self.due and self._grow():
+            self.due = began + REST * (time.monotonic() - began)
 
     def _grow(self) -> bool:
         """Show the grains of the run that is computed, where they were written since; return whether they were."""
@@ -252,6 +264,8 @@ class Page:
     def _fit(self) -> None:
         """Keep what is seen where the proportions of the window change."""
         wide, high = self.desk.look.stage.window_size
+        if not (wide and high):
+            return
         # while the view is turned its pictures are smaller
         share = self.shares * high / wide
         if abs(share - 1) > 0.05:
@@ -261,6 +275,8 @@ class Page:
 
     def _push(self) -> None:
         """Send the picture; while it is turned it is smaller where it takes long, and smooth once it has rested."""
+        if not self.lookers:
+            return
         began, look, queue = time.monotonic(), self.desk.look, self.desk.queue
         before, self.seen = self.seen, (*look.seen(), *look.stage.window_size, self.lookers)
         if self.wanted or self.seen != before:
@@ -281,8 +297,8 @@ class Page:
         async def wait() -> None:
             try:
                 then(await asyncio.get_running_loop().run_in_executor(self.thread, call))
-            except VoxgranError as error:
-                self.state.error = str(error)
+            except Exception as error:  # noqa: BLE001  (it is shown)
+                self.failures.tell(error)
             self._update()
             self.state.flush()
 
@@ -291,11 +307,8 @@ class Page:
 
     def _guarded(self, call: Any) -> None:
         """Call a function; the sentence of an error goes to the page."""
-        try:
-            self.state.error = ""
-            call()
-        except VoxgranError as error:
-            self.state.error = str(error)
+        self.state.error = ""
+        self.caught(call)()
         self._update()
 
     def _update(self) -> None:
@@ -312,9 +325,9 @@ class Page:
                 v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
                 v3.VBtn("CT", click="scanning = !scanning", id="ct")
-                preview = partial(self._worked, self.desk.preview, self.desk.look.show_shapes)
+                preview = self.caught(partial(self._worked, self.desk.preview, self.desk.look.show_shapes))
                 v3.VBtn("Preview shapes", click=preview, id="preview")
-                v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
+                v3.VBtn("Run", click=self.caught(self.run), id="run", color="primary", variant="flat", classes="mx-2")
                 v3.VAppBarNavIcon(click="right = !right", id="right")
             drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}
             with v3.VNavigationDrawer(v_model=("left", True), **drawer):
@@ -327,7 +340,7 @@ class Page:
                 with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
                     with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
                         self._table(v3, html, "grain")
-                with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
+                with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.caught(self.pick), PLACE)):
                     stage, views = self.desk.look.stage, load("trame_pyvista.widgets")
                     self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
                     # it would send a picture for each part of the scene
@@ -356,9 +369,11 @@ class Page:
                     with html.Div(v_if="form.name == 'sizes' && curve", style=narrow):
                         html.Div(v_html="curve", id="curve")
                         html.Pre("{{ held }}", style="font: inherit; white-space: pre-wrap", id="held")
-                    removed = (partial(self.changed, self.desk.remove), "[index]")
+                    removed = (self.caught(partial(self.changed, self.desk.remove)), "[index]")
                     v3.VBtn("Remove", v_if="form.number > 0", click=removed, size="small")
-        v3.VBtn("Add a shape", click=partial(self.changed, self.desk.add_shape), variant="text", id="add-shape")
+        v3.VBtn(
+            "Add a shape", click=self.caught(lambda: self.changed(self.desk.add_shape)), variant="text", id="add-shape"
+        )
         told = "mesh file, learned shapes (.nc), or scan"
         v3.VFileInput(v_model=("upload",), label="file", hint=told, persistent_hint=True, **UPLOAD)
         html.Pre("{{ uploaded }}", classes="text-caption px-4", style="white-space: pre-wrap", id="uploaded")
@@ -383,7 +398,7 @@ class Page:
                     ("Go on", partial(self.act, self.desk.queue.go_on), ["stopped", "failed"]),
                     ("Show", self.show, ["done"]),
                 ):
-                    does = {"click": (act, "[run.number]"), "classes": word.lower().replace(" ", "-")}
+                    does = {"click": (self.caught(act), "[run.number]"), "classes": word.lower().replace(" ", "-")}
                     v3.VBtn(word, v_if=f"{states}.includes(run.state)", size="x-small", **does)
         with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
@@ -401,7 +416,13 @@ class Page:
                 "id": ("'take-' + engine + '.zip'",),
             }
             v3.VBtn("{{ engine }}", v_for="engine in engines", size="x-small", variant="text", **taking)
-            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
+            v3.VBtn(
+                "Figures of the report",
+                click=self.caught(self.draw_figures),
+                size="small",
+                classes="ma-1",
+                id="figures",
+            )
             with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
                 html.Img(src=(drawn.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
                 html.Div("{{ figure.caption }}", classes="text-caption")

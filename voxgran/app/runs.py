@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import sys
 import time
@@ -16,11 +17,12 @@ from voxgran._base.errors import DirtyMeshWarning, InputError, Interrupted, Pack
 from voxgran._base.files import write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import Step
+from voxgran._base.stopping import NUMBERS
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
 from voxgran.scene.checked_sections import located, read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
-from voxgran.scene.run import PACKING
+from voxgran.scene.run import PACKING, is_complete
 from voxgran.scene.scene import Scene
 
 #: seconds between two looks at a bed that grows, and how many times as long as one takes
@@ -169,6 +171,13 @@ class Queue:
     base: Path
     runs: list[Run] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        """List the runs that another app has left in the folder; those that are not complete were stopped."""
+        numbers = [re.fullmatch(r"run_([1-9]\d{0,8})", path.stem) for path in self.folder.glob("run_*.toml")]
+        for number in sorted(int(found[1]) for found in numbers if found):
+            folder = self.folder / f"run_{number}"
+            self.runs.append(Run(number, folder, "done" if is_complete(folder) else "stopped"))
+
     def add(self, mapping: dict[str, Any]) -> Run:
         """Queue a scene; the run of a folder that is there is left as it is.
 
@@ -264,7 +273,7 @@ class Queue:
                 _note(run, *told)
         except (EOFError, OSError):
             code = process.process.wait()
-            stopped = -code in (signal.SIGTERM, signal.SIGINT)
+            stopped = -code in NUMBERS
             run.state = "stopped" if stopped else "failed"
             run.error = "" if stopped else f"its process {ending_of(code)}: memory may have run out"
         if run.state == "running":

@@ -1,7 +1,11 @@
 """The server of the app: on the loopback address, for those who have the token."""
 
 import asyncio
+import hmac
+import logging
+import os
 import secrets
+import signal
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -12,8 +16,10 @@ from voxgran._base.lazy import load, load_extra
 from voxgran.app.desk import Desk
 from voxgran.app.page import Page
 
-#: where the app listens
-HOST = "127.0.0.1"
+log = logging.getLogger(__name__)
+
+#: where the app listens, and the place of its socket
+HOST, SOCKET = "127.0.0.1", "/ws"
 #: libraries of the extra
 LIBRARIES = ("tomli_w", "trame.app", "trame.widgets.vuetify3", "trame_vtk", "trame_pyvista.widgets")
 
@@ -54,27 +60,57 @@ def serve(
     folder.mkdir(parents=True, exist_ok=True)
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
-    desk = Desk(mapping, folder, base)
-    page = Page(desk, server)
+    desk, door = Desk(mapping, folder, base), folder.resolve() / f".voxgran-app-{secrets.token_hex(4)}.html"
+    page, tasks = Page(desk, server), list[Any]()
 
     def ready(**_: Any) -> None:
         address = f"http://{HOST}:{server.port}/?secret={token}"
         if told is not None:
             told(address)
         if open_browser:
-            webbrowser.open(address)
-        asyncio.get_event_loop().create_task(page.watch())
+            _open(address, door)
+        loop = asyncio.get_event_loop()
+        tasks.append(loop.create_task(page.watch()))
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            # a terminal that is closed ends the server too
+            loop.add_signal_handler(signal.SIGHUP, os.kill, os.getpid(), signal.SIGTERM)
 
-    server.controller.on_server_bind.add(lambda bound: bound.app.middlewares.append(guard_of(page, token)))
+    async def validate(given: Any, client: str) -> bool:
+        del client
+        return is_secret(given, token)
+
+    def bound(web_server: Any) -> None:
+        web_server.app.middlewares.append(guard_of(page, token))
+        server.protocol.validateToken = validate
+
+    server.controller.on_server_bind.add(bound)
     server.controller.on_server_ready.once(ready)
     load("trame_server.protocol").CoreServer.authentication_token = token
     server.cli.set_defaults(authKey=token)
     try:
         server.start(port=port, host=HOST, open_browser=False, show_connection_info=False, timeout=0)
     finally:
+        door.unlink(missing_ok=True)
         page.thread.shutdown(wait=False, cancel_futures=True)
         desk.queue.close()
         desk.look.stage.close()
+
+
+def _open(address: str, door: Path) -> None:
+    """Open an address in a browser by a file that leads there, for this user only: all users see the command lines of
+    programs, and the address has the token.
+    """
+    try:
+        with os.fdopen(os.open(door, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(f'<!DOCTYPE html><meta http-equiv="refresh" content="0;url={address}"><title>voxgran</title>')
+        webbrowser.open(door.as_uri())
+    except (OSError, webbrowser.Error) as error:
+        log.warning("no browser was opened (%s): open the address", error)
+
+
+def is_secret(given: Any, token: str) -> bool:
+    """Return whether a text is the token, after a time that tells nothing of it."""
+    return isinstance(given, str) and hmac.compare_digest(given.encode(errors="replace"), token.encode())
 
 
 def guard_of(page: Page, token: str) -> Any:
@@ -85,24 +121,30 @@ def guard_of(page: Page, token: str) -> Any:
     web = load("aiohttp.web")
 
     async def guard(request: Any, handler: Callable[[Any], Any]) -> Any:
-        if urlsplit(f"//{request.host}").hostname not in (HOST, "localhost"):
-            return web.Response(status=403, text=f"the host is {request.host}: the app is at {HOST} only")
-        cookie = f"voxgran-{request.url.port}"
+        looks = request.path == SOCKET
+        try:
+            host, cookie = urlsplit(f"//{request.host}").hostname, f"voxgran-{request.url.port}"
+        except ValueError:
+            return web.Response(status=400, text="the host is none: open the address that voxgran prints")
+        if host not in (HOST, "localhost"):
+            return web.Response(status=403, text=f"the app is at {HOST} only")
+        if looks and not web.WebSocketResponse().can_prepare(request):
+            return web.Response(status=400, text=f"{SOCKET} is for the page: open the address that voxgran prints")
+        given = request.query.get("secret")
         if request.path in ("/", "/index.html"):
-            if "secret" not in request.query and request.cookies.get(cookie) == token:
+            if given is None and is_secret(request.cookies.get(cookie), token):
                 return web.Response(status=302, headers={"Location": f"/?secret={token}"})
-            if request.query.get("secret") != token:
+            if not is_secret(given, token):
                 return web.Response(
                     status=403, text="the token is missing or wrong: open the address that voxgran prints"
                 )
-        looks = request.headers.get("Upgrade", "").lower() == "websocket"
         page.lookers += looks
         try:
             answer = await handler(request)
         finally:
             page.lookers -= looks
-        if request.query.get("secret") == token:
-            answer.set_cookie(cookie, token, httponly=True, samesite="Strict")
+        if is_secret(given, token):
+            answer.set_cookie(cookie, token, httponly=True, samesite="Strict", path="/")
         return answer
 
     return web.middleware(guard)

@@ -42,7 +42,7 @@ class Program(Signals):
     @property
     def reason(self) -> str:
         """What is said where the work ends at a look."""
-        return "stopped by SIGTERM" if self.number == signal.SIGTERM else "stopped"
+        return "stopped" if self.number == signal.SIGINT else f"stopped by {signal.Signals(self.number).name}"
 
     def ends(self) -> None:
         """Take note that the program ends by itself: no look stops that, and the thread ends."""

@@ -1,9 +1,10 @@
 """Entry of the command line: what a command raises becomes one line on the error stream and an exit status.
 
-2 is bad input, 1 failure, 130 and 143 an interrupt.
+2 is bad input, 1 failure, 129, 130 and 143 an interrupt.
 """
 
 import argparse
+import errno
 import io
 import logging
 import os
@@ -21,7 +22,7 @@ from voxgran.cli.terminal import complain, warn
 
 
 def run(arguments: Sequence[str] | None, signals: Signals) -> int:
-    """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
+    """Run a command and return the exit status: 0, 2 for bad input, 1 for failure, 129, 130 and 143 if interrupted.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ def _run(words: list[str], signals: Signals) -> int:
         # whoever read the output has gone: there is nobody to tell
         return 0
     except OSError as error:
+        if error.errno == errno.ENOMEM:
+            raise MemoryError from error
         complain(f"the output cannot be written ({error.strerror or error}): free space or choose another place")
         return OutputError.exit_code
 

@@ -19,6 +19,27 @@ from voxgran._base.scalars import finite
 MANY = 20
 
 
+class _Stream:
+    """The error stream, which drops what its terminal does not take: one that is closed ends no work."""
+
+    def __init__(self) -> None:
+        self._stream = sys.stderr
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Pass on what was written."""
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+
 @contextlib.contextmanager
 def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnStep | None]:
     """Show the bar of the present stage on a terminal, and a line every ten seconds in a log (context manager).
@@ -45,7 +66,7 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
         *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("{task.fields[left]}")) * timed),
         rich.TextColumn("{task.fields[text]}"),
     )
-    with rich.Progress(*columns, console=load("rich.console").Console(stderr=True), transient=True) as bar:
+    with rich.Progress(*columns, console=load("rich.console").Console(file=_Stream()), transient=True) as bar:
         stages: dict[str, Any] = {}
         present: list[Any] = []
 

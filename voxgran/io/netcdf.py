@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
-from voxgran._base.files import as_path, existing_file, output_suffix, write_files, written_whole
-from voxgran._base.guarded import Content, read_guarded, refused
+from voxgran._base.files import PROBE, as_path, existing_file, output_suffix, write_files, written_whole
+from voxgran._base.guarded import Content, one_file, read_guarded, refused
 from voxgran._base.lazy import DataArray, Dataset, DataTree, load
 from voxgran.measures.accessor import register_accessor
 
@@ -78,6 +79,8 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
         safe["/"].attrs[_NAME] = str(tree.name)
     with written_whole(path, overwrite=overwrite) as draft:
         try:
+            # netCDF takes any error of a new file for a lack of permission
+            draft.write_bytes(bytes(PROBE))
             xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
         # a name that is not UTF-8 is refused by the library
         except (RuntimeError, UnicodeEncodeError) as error:
@@ -127,32 +130,69 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
     10
     """
     found = existing_file(path)
-    # HDF5 crashes on some damaged files; what another process has read to the end can be read here
-    read_guarded(netcdf_values, found)
+    facts, arrays = read_guarded(netcdf_values, found)
+    xarray = load("xarray")
+    data = {}
     with refused(found):
-        load("netCDF4")
-        with load("xarray").open_datatree(found, engine="netcdf4") as tree:
-            loaded: DataTree = tree.load()
+        for place, told in facts.items():
+            values = {
+                name: (one["dims"], arrays.get(f"{place}/{name}", one["texts"]), _decoded(one["attributes"]))
+                for name, one in told["variables"].items()
+            }
+            data[place] = xarray.decode_cf(xarray.Dataset(values, attrs=_decoded(told["attributes"]))).load()
+        loaded: DataTree = xarray.DataTree.from_dict(data)
     loaded.name = loaded.attrs.pop(_NAME, None)
-    for node in loaded.subtree:
-        node.attrs = {k: v.item() if isinstance(v, np.generic) else v for k, v in node.attrs.items()}
     return loaded
 
 
 def netcdf_values(path: Path) -> Content:
-    """Read all values and attributes of a netCDF4 file and return the number of its groups and no arrays, to be run by
-    `read_guarded`.
+    """Read all of a netCDF4 file, to be run by `read_guarded`: HDF5 crashes on some damaged files, and reads others
+    that a file names.
+
+    The facts are ``attributes`` and ``variables`` of each group by its path; the latter with ``dims``, ``attributes``
+    and ``texts``, which are None for numbers. These are the arrays, by path and name.
     """
-    with load("netCDF4").Dataset(path) as file:
+    facts, arrays, library = dict[str, Any](), dict[str, NDArray[Any]](), load("netCDF4")
+    with one_file(), library.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        file.set_auto_chartostring(False)
         groups = [file]
         for group in groups:
             groups.extend(group.groups.values())
-            for entry in (group, *group.variables.values()):
-                for name in entry.ncattrs():
-                    entry.getncattr(name)
-            for variable in group.variables.values():
-                variable[...]
-    return {"groups": len(groups)}, {}
+            told = facts[group.path] = {"attributes": _encoded(group), "variables": {}}
+            for name, variable in group.variables.items():
+                values, texts = np.asarray(variable[...]), None
+                if variable.dtype is str:
+                    texts = values.tolist()
+                else:
+                    arrays[f"{group.path}/{name}"] = values
+                told["variables"][name] = {
+                    "dims": variable.dimensions,
+                    "attributes": _encoded(variable),
+                    "texts": texts,
+                }
+    return facts, arrays
+
+
+def _encoded(entry: Any) -> dict[str, Any]:
+    """Return the attributes of a group or variable as JSON, arrays with their type."""
+    found = {name: entry.getncattr(name) for name in entry.ncattrs()}
+    return {
+        name: {"type": value.dtype.str, "values": value.tolist()}
+        if isinstance(value, np.ndarray)
+        else value.item()
+        if isinstance(value, np.generic)
+        else value
+        for name, value in found.items()
+    }
+
+
+def _decoded(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Return attributes as they were encoded."""
+    return {
+        name: np.array(value["values"], dtype=value["type"]) if isinstance(value, dict) else value
+        for name, value in attributes.items()
+    }
 
 
 def _with_safe_attributes(data: "Dataset") -> "Dataset":

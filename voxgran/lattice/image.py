@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Integers, as_count, check_lengths, float_array
-from voxgran._base.errors import InputError, TooLargeError, shown
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
 from voxgran._base.lazy import load_extra
 from voxgran._base.machine import memory_limit
 
@@ -140,11 +140,15 @@ def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
 
     Raises
     ------
+    FileFormatError
+        If a part of the file is empty.
     TooLargeError
         If a part of the file is larger than a quarter of the memory, or there are more than a hundred million parts.
     """
     array, size = block_library("dask.array"), np.dtype(source.dtype).itemsize
     parts = getattr(source, "chunks", None)
+    if parts is not None and min(parts) < 1:
+        raise FileFormatError(f"{name} is kept in parts of {' x '.join(map(str, parts))} voxels: write it again")
     if parts is not None and math.prod(parts) * size > SHARE * memory_limit():
         raise TooLargeError(
             f"{name} is kept in parts of {' x '.join(map(str, parts))} voxels, which are read as a whole: one is more "

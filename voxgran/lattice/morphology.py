@@ -16,6 +16,7 @@ from voxgran._base.arrays import Booleans, Floats, as_array, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
+from voxgran._base.guarded import reason_of
 from voxgran.lattice.distance import as_mask, distance_transform, lazy_mask
 from voxgran.lattice.image import Edges, Image, are_equal, kept, known_edges, lazy_of, overlapped, windowed
 
@@ -232,8 +233,8 @@ def filter_image(
     Raises
     ------
     InputError
-        If the image has not three axes, the function is none or returns fewer or more values than it is given, or depth
-        is neither given nor follows from the options.
+        If the image has not three axes, the function is none, does not take the values and options, or returns fewer or
+        more values than it is given, or depth is neither given nor follows from the options.
     MissingLibraryError
         If the image is a dask array and zarr is not installed.
 
@@ -261,7 +262,13 @@ def filter_image(
         raise InputError(f"image has the shape {given.values.shape}: three axes are needed; stack slices")
 
     def filtered(values: NDArray[Any]) -> NDArray[Any]:
-        found = np.asarray(function(values, **options))
+        try:
+            found = np.asarray(function(values, **options))
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise InputError(
+                f"function is {shown(function)}: it does not take values with {', '.join(options) or 'no options'} "
+                f"({reason_of(error)}); give one of scipy.ndimage with its options"
+            ) from error
         if found.shape != values.shape:
             raise InputError(
                 f"function returns {found.shape} of {values.shape} values: a filter returns as many; give one"

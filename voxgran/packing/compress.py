@@ -32,7 +32,7 @@ from voxgran.packing.settling_run import (
 from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.compression import TOUCHING, Compressor, too_narrow
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Compression
+from voxgran.settling.parameters import Compression, with_friction
 from voxgran.settling.stress_balance import stress_of
 
 #: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
@@ -46,7 +46,7 @@ def compress(
     *,
     stress: float | Sequence[float] = 1.0,
     axes: str = "xyz",
-    friction: float | Materials = 0.5,
+    friction: float | Materials | None = None,
     solid_fraction: float | None = None,
     height: float | None = None,
     rate: float | None = None,
@@ -74,13 +74,13 @@ def compress(
     axes : str
         Axes along which the container is compressed: ``"z"`` is an oedometric path, in which the others stay as they
         are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
-    friction : float or Materials
+    friction : float or Materials, optional
         Coulomb coefficient of friction between grains and at walls, from 0 to 2, or a table of materials, whose pairs
         have one each. A coefficient above 0.7 is that between grains only: at walls it is 0.7, since in corners of
-        walls grains would wedge.
+        walls grains would wedge. Default: 0.5, or the friction that gives `solid_fraction` or `height`.
     solid_fraction : float, optional
-        Solid fraction of the result, met to 0.002: the friction, beginning with `friction`, from 0 to 1 is found that
-        gives it. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
+        Solid fraction of the result, met to 0.002: the friction from 0 to 1 is found that gives it, and none may
+        be given. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
     height : float, optional
         Height of the container at the end, along its last axis, in the unit of lengths, in place of a solid fraction,
         with ``axes="z"`` (in 2D ``"y"``): the friction is found that gives it; default: as the friction gives it.
@@ -123,7 +123,7 @@ def compress(
     InUseError
         If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written; on a second signal, at once.
+        On SIGINT, SIGTERM or SIGHUP, after a checkpoint was written; on a second signal, at once.
 
     Warns
     -----
@@ -158,7 +158,8 @@ def compress(
         "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "height": height,
         "rate": rate, "rest": rest,
     }  # fmt: skip
-    how = from_mapping(Compression, given, "compress")
+    how = with_friction(from_mapping(Compression, given, "compress"))
+    how.refuse_known_friction()
     how.modes_of(packing.container)
     check_drive(checkpoint, resume, on_step, None)
     packing = replace(packing, gravity=None, lid=None)
@@ -183,7 +184,7 @@ def begun_compression(packing: Packing, how: Compression) -> SettleState:
     assembly, unit = normalized_assembly(packing)
     forces = packing.forces
     start = None if forces is None or forces.stress is None else forces.scaled(1.0 / unit)
-    whole = how.height is not None
+    how, whole = with_friction(how), how.height is not None
     if how.height is not None:
         how = replace(how, solid_fraction=_fraction_at(packing, how.height), height=None)
     settler: Moving = Compressor(assembly, how, start)

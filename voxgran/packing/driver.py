@@ -78,7 +78,8 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     InputError
         If the number of threads is no whole number above 0.
     Interrupted
-        On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
+        On SIGINT, SIGTERM or SIGHUP: after a checkpoint was written; before the first attempt, and on a second signal,
+        at once.
     """
     how = replace(how, on_step=reported(how.on_step))
     told = telling_of_compilation(partial(_tell_of_kernels, how))

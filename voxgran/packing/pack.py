@@ -186,7 +186,8 @@ def pack(
     InUseError
         If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
+        On SIGINT, SIGTERM or SIGHUP: after a checkpoint was written; before the first attempt, and on a second signal,
+        at once.
         It is a KeyboardInterrupt, which ``except Exception`` lets pass.
 
     Warns

@@ -31,14 +31,14 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import begun, finished, moved_alone, no_forces, problem_alone
 from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Compression, Lid, Settling, Shaking
+from voxgran.settling.parameters import Compression, Lid, Settling, Shaking, with_friction
 
 
 @explained(hint="settle(packing, friction=0.5)")
 def settle(
     packing: Packing,
     *,
-    friction: float | Materials = 0.5,
+    friction: float | Materials | None = None,
     restitution: float = 0.0,
     shaking: Shaking | Mapping[str, Any] | None = None,
     lid: Lid | Mapping[str, Any] | None = None,
@@ -63,9 +63,10 @@ def settle(
     ----------
     packing : Packing
         The grains, made by any method, loaded or put together by hand. They may overlap. Fixed grains do not move.
-    friction : float or Materials
+    friction : float or Materials, optional
         Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more. A
         table of materials has one for each pair; the masses of the grains follow from the density of the packing.
+        Default: 0.5, or the friction that gives `solid_fraction`.
     restitution : float
         Ratio of the velocities after and before an impact, along the normal, from 0 to 1.
     shaking : Shaking or mapping, optional
@@ -82,12 +83,13 @@ def settle(
         Longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; default: until the mean grain
         sinks by less than 0.05 d in that time unit. Beds that move for longer become denser.
     solid_fraction : float, optional
-        Solid fraction of the bed at rest, met to 0.002: the friction, beginning with `friction`, from 0 (0.05 for
-        grains that are not round, and for more than 3,000) to 1 is found that gives it and, where the bed without
-        friction is looser, the shaking with up to twice gravity. It is that of the bulk (``bulk_solid_fraction`` of
-        :func:`voxgran.measure`) where the first bed has at least 75 grains there, else that of the container below
-        the height that holds 85 % of the volume of the grains (``bed_solid_fraction``). The provenance says under
-        ``["settling"]["sought"]`` what was found, and in how many tries; default: as friction and shaking give it.
+        Solid fraction of the bed at rest, met to 0.002: the friction from 0 (0.05 for grains that are not round, and
+        for more than 3,000) to 1 is found that gives it and, where the bed without friction is looser, the shaking with
+        up to twice gravity. Where `friction` is given, only the shaking is found. It is that of the bulk
+        (``bulk_solid_fraction`` of :func:`voxgran.measure`) where the first bed has at least 75 grains there, else that
+        of the container below the height that holds 85 % of the volume of the grains (``bed_solid_fraction``). The
+        provenance says under ``["settling"]["sought"]`` what was found, and in how many tries; default: as friction and
+        shaking give it.
     rest : float
         Share of the grains that must be proven to rest so that the bed counts as settled.
     parts : {"exact", "hulls"}
@@ -122,7 +124,7 @@ def settle(
     InUseError
         If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written; on a second signal, at once.
+        On SIGINT, SIGTERM or SIGHUP, after a checkpoint was written; on a second signal, at once.
 
     Warns
     -----
@@ -162,7 +164,7 @@ def settle(
         "rest": rest,
         "parts": parts,
     }
-    how = from_mapping(Settling, given, "settle")
+    how = with_friction(from_mapping(Settling, given, "settle"))
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
     seed = as_count(seed, "seed", at_most=MOST_SEED)
@@ -323,9 +325,9 @@ def as_settling(asked: Any, parameters: Any = None) -> Settling | None:
             "these values as parameters of the method, such as friction=0.3"
         )
     if isinstance(asked, Settling):
-        return asked
+        return with_friction(asked)
     if isinstance(asked, Mapping):
-        return from_mapping(Settling, asked, "settle")
+        return with_friction(from_mapping(Settling, asked, "settle"))
     if isinstance(asked, bool | np.bool_):
-        return Settling() if asked else None
+        return with_friction(Settling()) if asked else None
     raise InputError(f"settle is {shown(asked)}: it must be True, False or parameters such as dict(friction=0.5)")

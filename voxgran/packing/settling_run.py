@@ -372,7 +372,7 @@ def _moved(packing: Packing, settler: Moving) -> Packing:
     )
 
 
-def no_forces(friction: float | Materials) -> ContactForces:
+def no_forces(friction: float | Materials | None) -> ContactForces:
     """Return the forces of a bed without grains."""
     none, nobody, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     return ContactForces(

@@ -169,6 +169,7 @@ def compress_section(
         )
     refuse_unknown(mapping, "[compress]", Compression)
     how = from_mapping(Compression, {**friction, **mapping}, "[compress]")
+    how.refuse_known_friction()
     how.modes_of(container)
     return how
 

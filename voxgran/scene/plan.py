@@ -23,7 +23,7 @@ from voxgran.scene.description import SceneDescription
 from voxgran.scene.entries import REMEDIES, ShapeEntry
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_text
-from voxgran.settling.parameters import Compression, Settling
+from voxgran.settling.parameters import Compression, Settling, with_friction
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
 from voxgran.shapes.formats.mesh_files import read_surface
@@ -263,7 +263,7 @@ def _solid(entry: ShapeEntry) -> Shape:
 def _settling_of(task: Task) -> Settling | None:
     """Return how the grains settle, after the method or as its own work; None if they do not."""
     parameters = task.problem.parameters
-    return parameters if isinstance(parameters, Settling) else task.problem.settling
+    return with_friction(parameters) if isinstance(parameters, Settling) else task.problem.settling
 
 
 def _notes(scene: SceneDescription, task: Task, bed: ExpectedBed | None) -> tuple[str, ...]:
@@ -293,7 +293,7 @@ def _two_frictions(scene: SceneDescription, task: Task) -> str:
     # a solid fraction that is asked for is reached by frictions that are not known yet
     if not used or settling.solid_fraction is not None or settling.friction == material.friction:
         return ""
-    section = "[packing]" if settling is task.problem.parameters else "[settle]"
+    section = "[packing]" if isinstance(task.problem.parameters, Settling) else "[settle]"
     return (
         f"friction of settling is {settling.friction:g}, by {section}; that of [material], {material.friction:g}, goes "
         f"into input for engines only: give {section} friction = {material.friction:g} if the grains have it"
@@ -306,7 +306,8 @@ def _compression_step(scene: SceneDescription, task: Task) -> list[str]:
     compression = own if isinstance(own, Compression) else scene.compress
     if compression is None:
         return []
-    how = f"with friction {friction_text(compression.friction)}"
+    known = with_friction(compression).friction
+    how = "" if known is None else f"with friction {friction_text(known)}"
     target = compression.solid_fraction or compression.height
     if target is not None:
         kind = "solid fraction" if compression.height is None else "height"
@@ -332,9 +333,11 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             f"until at least {settling.rest:.1%} of them rest",
             "" if settling.parts == "exact" else ", by hulls",
         )
-        how, target = f"with friction {friction_text(settling.friction)}", settling.solid_fraction
+        known, target = settling.friction, settling.solid_fraction
+        how = "by friction and shaking" if known is None else f"with friction {friction_text(known)}"
         if target is not None:
-            how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
+            more = "" if known is None else ", by shaking"
+            how = f"at a solid fraction of {target:g}, {how}{more} in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
     computed += _compression_step(scene, task)
     computed.append("verify against the true shapes")

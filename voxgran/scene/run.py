@@ -15,7 +15,7 @@ from voxgran._base.errors import CheckpointError, InputError, OutputExistsError,
 from voxgran._base.files import as_path, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import DataTree, loaded
-from voxgran._base.lock import FOLDER_LOCK, locked_folder
+from voxgran._base.lock import FOLDER_LOCK, is_left, locked_folder
 from voxgran._base.progress import OnStep, Step, repeated
 from voxgran.contacts.verify import Verification, verify
 from voxgran.decks.engine import engine_registry
@@ -211,7 +211,9 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
         raise OutputExistsError(f"{target} is a file: results need a folder; name another")
     # a link to a folder that is not there yet makes that folder
     with locked_folder(os.path.realpath(target)):
-        if not (resume or overwrite) and any(entry.name != FOLDER_LOCK for entry in target.iterdir()):
+        if not (resume or overwrite) and any(
+            entry.name != FOLDER_LOCK and not is_left(entry) for entry in target.iterdir()
+        ):
             raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
         remove_drafts_in(target)
         yield target

@@ -85,7 +85,7 @@ class Scene(SceneDescription):
         InputError
             If the scene breaks a rule that shows only now.
         Interrupted
-            On SIGINT or SIGTERM, after a checkpoint was written.
+            On SIGINT, SIGTERM or SIGHUP, after a checkpoint was written.
 
         Examples
         --------

@@ -35,7 +35,7 @@ from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import stretched
 from voxgran.settling.bed import Bed
 from voxgran.settling.material import Material
-from voxgran.settling.materials import Materials, friction_of, friction_range
+from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
 from voxgran.settling.parting import close_round, part_grains
 from voxgran.settling.progress import Resumable
@@ -328,8 +328,9 @@ def too_narrow(how: Compression) -> InputError:
     )
 
 
-def _with_walls(friction: float | Materials, assembly: Assembly) -> float | Materials:
+def _with_walls(friction: float | Materials | None, assembly: Assembly) -> float | Materials:
     """Return the friction, which is less at walls where grains would wedge in their corners with it."""
+    friction = USUAL_FRICTION if friction is None else friction
     if isinstance(friction, Materials) or friction <= AT_WALLS or not boundary_of(assembly.container).walls:
         return friction
     grains, walls = Material(friction=friction), Material(friction=AT_WALLS)

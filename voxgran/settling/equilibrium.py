@@ -26,7 +26,14 @@ from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces, is_direct
-from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
+from voxgran.settling.materials import (
+    USUAL_FRICTION,
+    FrictionTable,
+    Materials,
+    as_friction,
+    friction_of,
+    friction_range,
+)
 from voxgran.settling.parameters import MOST_FRICTION
 from voxgran.settling.projected_gradient import accelerated_projected_gradient
 from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress, keep_known_forces
@@ -43,8 +50,6 @@ NEAR = 0.2
 ACCURACY = 0.1
 #: iterations of the first guess
 GUESS = 300
-#: friction of packings of which none is known
-USUAL = 0.5
 #: number of the partner at a wall and at a lid
 WALL, LID = -1, -2
 
@@ -205,7 +210,7 @@ def _known_friction(packing: Assembly) -> float | Materials:
     forces = getattr(packing, "forces", None)
     known = None if forces is None else forces.friction
     if not isinstance(known, np.ndarray):
-        return USUAL if known is None else float(known)
+        return USUAL_FRICTION if known is None else float(known)
     # contacts that are found now are others: their friction is that of the materials
     record: Mapping[str, Any] = getattr(packing, "provenance", {})
     table = record.get("compression", record.get("settling", {})).get("parameters", {}).get("friction")

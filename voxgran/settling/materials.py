@@ -19,6 +19,8 @@ from voxgran.containers.model import Boundary, boundary_of
 from voxgran.geometry.walls import Round
 from voxgran.settling.material import Material
 
+#: coefficient of friction where none is known
+USUAL_FRICTION = 0.5
 #: properties that a pair of materials may have of its own
 OF_PAIRS = ("friction", "rolling_friction", "restitution", "stiffness", "shear_stiffness", "cohesion")
 #: names of all walls that are not named, and of walls of revolution, to which a number is added where there are several
@@ -262,7 +264,7 @@ class FrictionTable:
         return float(linear.matmul(linear.matmul(share, self._pairs), share))
 
 
-def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | FrictionTable":
+def friction_of(friction: "float | Materials | None", assembly: Assembly) -> "float | FrictionTable":
     """Return the friction of the contacts of grains, with each other, with the walls of their container and the lid.
 
     Raises
@@ -270,6 +272,7 @@ def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | F
     InputError
         If a shape or a wall has no material.
     """
+    friction = USUAL_FRICTION if friction is None else friction
     if not isinstance(friction, Materials):
         return friction
     walls = wall_names(boundary_of(assembly.container)) + (("lid",) if assembly.lid is not None else ())
@@ -317,15 +320,15 @@ def as_friction(friction: Any, *, at_most: float = math.inf, sought: float | Non
     if sought is not None:
         raise InputError(
             f"solid_fraction is {sought:g} and friction is by materials: one friction is found that gives a solid "
-            "fraction; leave solid_fraction out, or give a number as friction"
+            "fraction; leave one of them out"
         )
     return friction
 
 
-def mean_friction(friction: "float | Materials", shape_id: Integers, shapes: int) -> float:
-    """Return the coefficient of friction of contacts between grains that meet at random."""
+def mean_friction(friction: "float | Materials | None", shape_id: Integers, shapes: int) -> float:
+    """Return the coefficient of friction of contacts between grains that meet at random; the usual one for None."""
     if not isinstance(friction, Materials):
-        return friction
+        return USUAL_FRICTION if friction is None else friction
     return FrictionTable(friction, shape_id, shapes, ()).mean
 
 

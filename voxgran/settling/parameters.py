@@ -4,8 +4,8 @@ The parameters of settling say how grains fall, rub, are shaken and pressed, and
 compression are the stress, the axes that move, friction, and what counts as balanced.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
 from voxgran.containers.stretch import stretched_together
-from voxgran.settling.materials import Materials, as_friction
+from voxgran.settling.materials import USUAL_FRICTION, Materials, as_friction
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
@@ -90,6 +90,12 @@ class Lid(ExplainedAttributes):
         check_bounds(self, of="lid")
 
 
+def _check_friction(friction: float | Materials | None, sought: float | None) -> None:
+    """Check a friction that is given, beside a solid fraction that is sought."""
+    if friction is not None:
+        as_friction(friction, at_most=MOST_FRICTION, sought=sought)
+
+
 @parameter_class
 class Settling:
     """How a bed settles.
@@ -98,7 +104,8 @@ class Settling:
     ----------
     friction
         Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests with
-        more; or a table of materials, with one friction for each pair.
+        more; or a table of materials, with one friction for each pair; if omitted, 0.5, or the one that gives a solid
+        fraction that is sought.
     restitution
         ratio of the velocities after and before an impact, along the normal.
     shaking
@@ -110,8 +117,8 @@ class Settling:
         grain sinks by less than 0.05 d in that time unit.
     solid_fraction
         solid fraction of the bed at rest, met to 0.002: the friction (up to 1) and, for denser beds, the shaking are
-        found that give it, beginning with the friction that is given; that of the bulk or, in beds of few grains, below
-        the surface; if omitted, as friction and shaking give it.
+        found that give it, and the shaking only where a friction is given; that of the bulk or, in beds of few grains,
+        below the surface; if omitted, as friction and shaking give it.
     rest
         share of the grains that must be proven to rest so that the bed counts as settled.
     parts
@@ -125,7 +132,7 @@ class Settling:
 
     usual_fall: ClassVar[float] = 20.0
 
-    friction: float | Materials = parameter(0.5, at_least=0.0, at_most=MOST_FRICTION)
+    friction: float | Materials | None = parameter(None, at_least=0.0, at_most=MOST_FRICTION)
     restitution: float = parameter(0.0, at_least=0.0, at_most=1.0)
     shaking: Shaking | None = parameter(None)
     lid: Lid | None = parameter(None)
@@ -137,7 +144,7 @@ class Settling:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_bounds(self)
-        as_friction(self.friction, at_most=MOST_FRICTION, sought=self.solid_fraction)
+        _check_friction(self.friction, self.solid_fraction)
 
 
 @parameter_class
@@ -153,7 +160,8 @@ class Compression:
         axes along which the container is compressed, such as "z" for an oedometric path.
     friction
         Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing; or a table of
-        materials, with one friction for each pair.
+        materials, with one friction for each pair; if omitted, 0.5, or the one that gives a solid fraction or a height
+        that is sought.
     solid_fraction
         solid fraction of the compressed packing, met to 0.002: the friction (up to 1) is found that gives it; that of
         the bulk or, in containers without periodic sides of few grains, of the container; if omitted, as the friction
@@ -179,7 +187,7 @@ class Compression:
 
     stress: float | tuple[float, ...] = parameter(1.0, above=0.0, at_most=1e60)
     axes: str = parameter("xyz")
-    friction: float | Materials = parameter(0.5, at_least=0.0, at_most=MOST_FRICTION)
+    friction: float | Materials | None = parameter(None, at_least=0.0, at_most=MOST_FRICTION)
     solid_fraction: float | None = parameter(None, above=0.0, at_most=1.0)
     height: float | None = parameter(None, above=0.0)
     rate: float | None = parameter(None, at_least=1e-6, at_most=0.1)
@@ -188,7 +196,7 @@ class Compression:
     def __post_init__(self) -> None:
         """Check the ranges and the names of the axes."""
         check_bounds(self)
-        as_friction(self.friction, at_most=MOST_FRICTION, sought=self.solid_fraction)
+        _check_friction(self.friction, self.solid_fraction)
         if not self.axes or len(set(self.axes)) < len(self.axes) or not set(self.axes) <= set("xyz"):
             raise InputError(
                 f"axes is {shown(self.axes)}: it must name axes out of x, y, z, each once, such as 'z'; correct it"
@@ -199,6 +207,22 @@ class Compression:
                 f"height is {self.height:g} and solid_fraction is {self.solid_fraction:g}: either says how dense the "
                 "grains become; leave one of them out"
             )
+
+    def refuse_known_friction(self) -> None:
+        """Refuse a friction beside the solid fraction or the height that it decides.
+
+        Raises
+        ------
+        InputError
+            If both are given.
+        """
+        sought = {"solid_fraction": self.solid_fraction, "height": self.height}
+        for name, value in sought.items():
+            if value is not None and self.friction is not None:
+                raise InputError(
+                    f"{name} is {value:g} and friction is {shown(self.friction)}: the friction is found that gives the "
+                    f"{name.replace('_', ' ')}; leave one of them out"
+                )
 
     def stress_along(self, dimension: int) -> Floats:
         """Return the stresses (xx, yy, zz, yz, xz, xy), those of shear 0.
@@ -250,3 +274,12 @@ class Compression:
                 f"axes is {self.axes!r}: a {container.kind} is compressed along {names} only; name one of them"
             )
         return modes
+
+
+How = TypeVar("How", Settling, Compression)
+
+
+def with_friction(how: How) -> How:
+    """Return parameters with the usual friction where none is given, and none is sought."""
+    sought = how.solid_fraction is not None or getattr(how, "height", None) is not None
+    return how if sought or how.friction is not None else replace(how, friction=USUAL_FRICTION)

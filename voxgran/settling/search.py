@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.settling.materials import USUAL_FRICTION
 from voxgran.settling.parameters import Shaking
 
 #: difference of the solid fraction up to which the one that is sought is met
@@ -47,9 +48,9 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 class Search:
     """What is sought, and the tries up to now.
 
-    how: the settling or the compression, with the solid fraction that is sought; its friction is that of the first try.
-    least: the least friction.  tries: (n, 3) compaction, solid fraction and 1 where the bed rests, else 0.  shakes:
-    whether grains may be shaken.
+    how: the settling or the compression, with the solid fraction that is sought; its friction, if it has one, is that
+    of all tries.  least: the least friction otherwise.  tries: (n, 3) compaction, solid fraction and 1 where the bed
+    rests, else 0.  shakes: whether grains may be shaken.
     """
 
     how: Any
@@ -60,10 +61,17 @@ class Search:
     @property
     def ends(self) -> tuple[float, float, float]:
         """Compactions of the largest friction, of the least one without added shaking, and of the strongest shaking."""
-        slippery = math.exp(-self.least / USUAL)
+        least, largest = self.range
+        slippery = math.exp(-least / USUAL)
         given = self.how.shaking
         more = self.shakes and (given is None or given.acceleration < STRONGEST)
-        return math.exp(-ROUGH / USUAL), slippery, slippery + 1.0 if more else slippery
+        return math.exp(-largest / USUAL), slippery, slippery + 1.0 if more else slippery
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest friction."""
+        given = self.how.friction
+        return (self.least, ROUGH) if given is None else (given, given)
 
     @property
     def misses(self) -> Floats:
@@ -99,20 +107,20 @@ class Search:
 
     def settling_at(self, compaction: float) -> Any:
         """Return how the bed settles, or is compressed, at a compaction."""
-        _, slippery, _ = self.ends
+        (least, largest), (_, slippery, _) = self.range, self.ends
         if compaction <= slippery:
-            friction = min(-USUAL * math.log(compaction), ROUGH)
-            return replace(self.how, friction=max(self.least, friction))
+            friction = min(-USUAL * math.log(compaction), largest)
+            return replace(self.how, friction=max(least, friction))
         given = self.how.shaking
         weakest, duration = (0.0, LASTING) if given is None else (given.acceleration, given.duration)
         shaking = Shaking(weakest + (STRONGEST - weakest) * min(compaction - slippery, 1.0), duration)
-        return replace(self.how, friction=self.least, shaking=shaking)
+        return replace(self.how, friction=least, shaking=shaking)
 
     def next(self) -> float | None:
         """Return the compaction of the next try, or None where the search has ended."""
         loosest, slippery, densest = self.ends
         if not len(self.tries):
-            return float(np.clip(math.exp(-self.how.friction / USUAL), loosest, slippery))
+            return float(np.clip(math.exp(-USUAL_FRICTION / USUAL), loosest, slippery))
         if self.met or len(self.tries) >= MOST_TRIES:
             return None
         place, misses = self.tries[:, 0], self.misses

@@ -29,6 +29,8 @@ from voxgran.shapes.tessellate import sphere
 
 #: largest number of triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000
+#: largest distance of centers in radii of the largest sphere: beyond, few digits of the spheres are left
+FARTHEST = 1e4
 #: relative error up to which an inertia tensor is symmetric and that of a solid
 ROUNDING = 1e-9
 
@@ -137,8 +139,8 @@ class Spheres(Moments):
     Raises
     ------
     InputError
-        If there is no sphere, the numbers of centers and radii differ, a radius is not above 0, or `mass` is something
-        else than MassProperties.
+        If there is no sphere, the numbers of centers and radii differ, a radius is not above 0, centers are too far
+        apart, or `mass` is something else than MassProperties.
     """
 
     centers: Floats
@@ -155,6 +157,11 @@ class Spheres(Moments):
         if radii.min() <= 0:
             worst = int(radii.argmin())
             raise InputError(f"radius of sphere {worst} is {radii[worst]}: it must be above 0; remove the sphere")
+        if (apart := float(np.ptp(centers, axis=0).max())) > FARTHEST * radii.max():
+            raise InputError(
+                f"centers of spheres are {apart:g} apart and the largest radius is {radii.max():g}: a union is at most "
+                f"{FARTHEST:g} radii long; remove the sphere that is far away"
+            )
         object.__setattr__(self, "centers", read_only(centers))
         if self.mass is not None:
             check_type(self.mass, MassProperties, "mass", "MassProperties, or None for those of the union")

@@ -18,7 +18,7 @@ from voxgran._base.cluster import address_of
 from voxgran._base.errors import InputError, Interrupted, LongRunWarning, OutputExistsError, PackingWarning, shown, warn
 from voxgran._base.files import made_folder, remove_drafts_in, write_text, written_whole
 from voxgran._base.lazy import load
-from voxgran._base.lock import FOLDER_LOCK
+from voxgran._base.lock import FOLDER_LOCK, is_left
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
@@ -149,7 +149,7 @@ class Store:
             raise OutputExistsError(f"{self.folder} is a file: a study needs a folder; name another")
         if not self.folder.is_dir() or (self.folder / CELLS).is_dir():
             return
-        if any(entry.name != FOLDER_LOCK for entry in self.folder.iterdir()):
+        if any(entry.name != FOLDER_LOCK and not is_left(entry) for entry in self.folder.iterdir()):
             raise OutputExistsError(f"{self.folder} holds something else than a study: name another folder")
 
 
@@ -193,7 +193,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
     Raises
     ------
     Interrupted
-        On SIGINT or SIGTERM; what is finished is kept. Other errors are those of :meth:`voxgran.Study.run`.
+        On SIGINT, SIGTERM or SIGHUP; what is finished is kept. Other errors are those of :meth:`voxgran.Study.run`.
     """
     store = Store(folder, settings.keep == "packings")
     store.refuse_other()
@@ -241,7 +241,7 @@ class _Work:
         Raises
         ------
         Interrupted
-            On SIGINT or SIGTERM.
+            On SIGINT, SIGTERM or SIGHUP.
         """
         missing = self._read()
         computed = 0

@@ -20,7 +20,7 @@ from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile, Twinned
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Settling, with_friction
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
 
@@ -250,7 +250,8 @@ def _is_default_settling(scene: SceneDescription) -> bool:
         for entry in scene.shapes
     )
     walls = boundary_of(scene.container) is not UNKNOWN
-    return scene.settle == Settling() and closed and pulled and walls and not apart
+    is_usual = scene.settle and with_friction(scene.settle) == with_friction(Settling())
+    return bool(is_usual) and closed and pulled and walls and not apart
 
 
 def _plain(value: Any) -> Any:

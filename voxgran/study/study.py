@@ -206,7 +206,7 @@ class Study(ExplainedAttributes):
         ClusterError
             If there is no Dask scheduler, or it goes away; what is finished is kept.
         Interrupted
-            On SIGINT or SIGTERM; what is finished is kept.
+            On SIGINT, SIGTERM or SIGHUP; what is finished is kept.
 
         Examples
         --------

@@ -16,7 +16,7 @@ import pytest
 
 from voxgran._base import guarded
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, UnknownNameError
-from voxgran._base.guarded import read_guarded, reason_of, refused
+from voxgran._base.guarded import read_guarded, read_part, reason_of, refused
 
 READERS = """
 import ctypes, os, signal, sys, time, warnings
@@ -218,7 +218,7 @@ def test_ctrl_c_ends_the_reader_too(path, tmp_path):
 
 def test_a_lower_limit_of_the_user_stays(readers, path):
     script = f"ulimit -v 1500000; exec {sys.executable} -c 'import sys; sys.path[:] = sys.argv[2:]\nimport pathlib\n"
-    script += "import readers_of_a_test as r\nfrom voxgran._base.guarded import read_guarded\n"
+    script += "import readers_of_a_test as r\nfrom voxgran._base.guarded import read_guarded, read_part\n"
     script += 'print(read_guarded(r.arrays, pathlib.Path(sys.argv[1]), many=3)[0]["text"])\' "$@"'
     command = ["sh", "-c", script, "sh", str(path), *sys.path]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
@@ -241,3 +241,34 @@ def test_reasons_are_short_lines():
     assert reason_of(ValueError("a\n  b")) == "a b"
     assert reason_of(ValueError("x" * 10**6)) == "x" * 97 + "..."
     assert reason_of(KeyError()) == "KeyError"
+
+
+def test_a_process_is_kept_for_further_parts_and_replaced_when_it_has_ended(readers, path):
+    idle = guarded._idle(os.getpid())
+    read_part(readers.arrays, path, size=0, many=3)
+    (kept,) = idle.queue[-1:]
+    for name, error in (("fails", FileFormatError), ("refuses", UnknownNameError)):
+        with pytest.raises(error):
+            read_part(getattr(readers, name), path, size=0)
+    assert idle.queue[-1] is kept
+    with pytest.raises(FileFormatError, match="its reader ended by SIGSEGV"):
+        read_part(readers.crash, path, size=0)
+    assert kept not in idle.queue
+    read_part(readers.arrays, path, size=0, many=3)
+    idle.queue[-1].kill()
+    idle.queue[-1].wait()
+    facts, found = read_part(readers.arrays, path, size=0, many=3)
+    assert (facts["text"], len(found)) == ("content", len(read_guarded(readers.arrays, path, many=3)[1]))
+    with pytest.raises(FileFormatError, match="of which 9 bytes are read, asks for more than 2 GiB"):
+        read_part(readers.greedy, path, size=9)
+
+
+def test_one_file_is_open_at_a_time(path):
+    with guarded.one_file():
+        for _ in range(3):
+            with path.open() as file:
+                assert file.read()
+                with pytest.raises(OSError, match="Too many open files"):
+                    path.open()
+    with path.open(), path.open():
+        pass

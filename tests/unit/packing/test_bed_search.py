@@ -134,7 +134,7 @@ def test_any_packing_settles_to_a_solid_fraction_and_a_walk_does_after_it():
 def test_a_search_goes_on_after_any_step_to_the_same_bits():
     loose = vg.pack(SPHERE, SMALL, "rsa", count=30, seed=2)
     loose = vg.Packing.of(loose.shapes, SMALL, position=loose.position, gravity="-z")
-    how = Settling(solid_fraction=0.56, fall_time=5.0, friction=0.1)
+    how = Settling(solid_fraction=0.56, fall_time=5.0)
     whole, parts, steps = begun(loose, how, 0), begun(loose, how, 0), 0
     while not whole.settler.ended:
         whole.settler.step()

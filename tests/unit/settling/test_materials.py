@@ -296,7 +296,7 @@ def test_tables_that_do_not_fit_a_packing_are_refused(materials, said):
 
 @pytest.mark.parametrize("function", [vg.settle, vg.compress])
 def test_a_solid_fraction_needs_one_friction(function):
-    with pytest.raises(InputError, match="leave solid_fraction out"):
+    with pytest.raises(InputError, match="leave one of them out"):
         function(grains(), friction=table({"a": 0.1}), solid_fraction=0.6)
 
 

@@ -52,11 +52,15 @@ def test_steep_and_flat_parts_take_a_few_tries_more(target):
     assert len(search.tries) <= 8
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3, 1.0, 2.0])
-def test_the_first_try_has_the_friction_that_is_given(friction):
-    search = searched(usual, 0.59, friction=friction)
-    assert search.settling_at(search.tries[0, 0]).friction == pytest.approx(min(friction, 1.0), abs=1e-12)
+@pytest.mark.parametrize(("friction", "target"), [(0.0, 0.637), (0.3, 0.592), (1.0, 0.58), (2.0, 0.577)])
+def test_a_friction_that_is_given_is_that_of_all_tries(friction, target):
+    search = searched(usual, target, friction=friction)
     assert search.met
+    assert {search.settling_at(place).friction for place in search.tries[:, 0]} == {friction}
+    # looser beds need more of it
+    search = searched(usual, 0.5, friction=friction)
+    assert search.beyond_range
+    assert {search.settling_at(place).friction for place in search.tries[:, 0]} == {friction}
 
 
 def test_denser_beds_are_shaken_without_friction():

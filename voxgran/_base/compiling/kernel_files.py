@@ -4,7 +4,9 @@ numba's own cache knows neither the kernels that a kernel calls nor two processe
 kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of
 the types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
 
-Kernels are looked for in the cache of the user, then among those that `make dist` has compiled into the package.
+Kernels are looked for in the cache of the user, then among those that `make dist` has compiled into the package. A file
+states the hash of its name and content: a kernel that was damaged on the disk would end the program, and is compiled
+anew.
 
 A file is a pickle, which is a program: in the cache it is read only if this user has written it and nobody else may
 change it; one in the package is as much to be trusted as the modules beside it.
@@ -19,6 +21,7 @@ import os
 import pickle
 import re
 import secrets
+import struct
 import sys
 import time
 from collections.abc import Callable
@@ -34,6 +37,7 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
 from voxgran._base.compiling.linking import codegen_of
+from voxgran._base.errors import warn
 from voxgran._base.files import is_private
 
 log = logging.getLogger(__name__)
@@ -47,10 +51,15 @@ VERSIONS = (
 )
 #: kernels that came with the package
 PACKAGED = Path(__file__).with_name("kernels")
-#: how each file begins, also a draft: for the unpickler, a text that it drops
-MARK = b"Vvoxgran kernel\n0"
+#: how each file begins, also a draft; a hash and `END` follow: for the unpickler, a text that it drops
+MARK, END = b"Vvoxgran kernel", b"\n0"
 #: names of kernels and of drafts
 _NAME = re.compile(r"\w+-[0-9a-f]{16}-[0-9a-f]{16}\.kernel|\.[0-9a-f]{16}\.draft")
+#: seconds for which the process that compiles a kernel may do nothing until another one compiles it too, and between
+#: two looks at it
+PATIENCE, GLANCE = 2.0, 0.02
+#: the lock of one byte, as the system takes and returns it: kind, from where counted, place, length, process
+LOCK = "hhqqi"
 #: files that were not used for so long are removed
 FORGOTTEN_SECONDS = 60 * 24 * 3600.0
 #: the time of last use is noted at most so often
@@ -151,7 +160,11 @@ class _Files:
         path = self._path(key)
         draft = path.with_name(f".{secrets.token_hex(8)}.draft")
         try:
-            draft.write_bytes(MARK + dumps(data))
+            content = dumps(data)
+            with draft.open("wb") as file:
+                file.write(_head_of(path, content) + END + content)
+                file.flush()
+                os.fsync(file.fileno())
             draft.replace(path)
         except OSError as error:
             log.info("%s was not kept: %s", path, error)
@@ -163,13 +176,27 @@ class _Files:
         """Forget nothing: names decide what is fresh."""
 
     def _claim(self, path: Path) -> None:
-        """Wait until no other process compiles a kernel, and keep others from it; not where a disk has no locks."""
+        """Wait as long as another process compiles a kernel, and keep others from it; not where a disk has no locks."""
         import fcntl
 
+        byte, used, since = int(path.stem[-15:], 16), "", time.monotonic()
         with contextlib.suppress(OSError):
-            byte = int(path.stem[-15:], 16)
-            fcntl.lockf(_claims(self.folder), fcntl.LOCK_EX, 1, byte)
-            self._claimed = byte
+            file = _claims(self.folder)
+            while time.monotonic() - since < PATIENCE:
+                with contextlib.suppress(BlockingIOError, PermissionError):
+                    fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, byte)
+                    self._claimed = byte
+                    return
+                time.sleep(GLANCE)
+                asked = struct.pack(LOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
+                number = struct.unpack(LOCK, fcntl.fcntl(file, fcntl.F_GETLK, asked))[-1]
+                if (now := f"{number} {_time_of(number)}") != used:
+                    used, since = now, time.monotonic()
+            warn(
+                f"process {used.split()[0]} has claimed a kernel of {self.folder} and does not go on: it is compiled "
+                "here too; end that process, or let it go on",
+                RuntimeWarning,
+            )
 
     def release(self) -> None:
         """Let other processes look for the kernel that was claimed."""
@@ -179,6 +206,13 @@ class _Files:
             with contextlib.suppress(OSError):
                 fcntl.lockf(_claims(self.folder), fcntl.LOCK_UN, 1, self._claimed)
             self._claimed = -1
+
+
+def _time_of(number: int) -> str:
+    """Return the processor time that a process has used, as the system counts; empty where that is not known."""
+    with contextlib.suppress(OSError, IndexError):
+        return "+".join(Path(f"/proc/{number}/stat").read_text(encoding="latin-1").rpartition(")")[2].split()[11:13])
+    return ""
 
 
 @cache
@@ -202,9 +236,16 @@ def _read(path: Path, trusted: Callable[[os.stat_result], bool]) -> Any:
     """Return what a file holds; None where it is not there, damaged or not trusted."""
     try:
         with path.open("rb") as file:
-            return pickle.loads(file.read()) if trusted(os.fstat(file.fileno())) else None
+            content = file.read() if trusted(os.fstat(file.fileno())) else b""
+        head, _, content = content.partition(END)
+        return pickle.loads(content) if head == _head_of(path, content) else None
     except (OSError, pickle.UnpicklingError, EOFError, ImportError, LookupError, AttributeError, TypeError, ValueError):
         return None
+
+
+def _head_of(path: Path, content: bytes) -> bytes:
+    """Return how a file of this name and content begins, with the hash of both."""
+    return MARK + b" " + hashlib.sha256(path.name.encode() + b"\n" + content).hexdigest().encode()
 
 
 def remove_forgotten(folder: Path) -> None:

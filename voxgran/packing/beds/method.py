@@ -42,7 +42,7 @@ from voxgran.packing.settling_run import (
     with_lid,
 )
 from voxgran.settling.examination import TOUCHING
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Settling, with_friction
 from voxgran.settling.rain import Rain, speed_of_fall
 from voxgran.settling.stages import Settler
 
@@ -141,7 +141,7 @@ def prepare(problem: Problem) -> SettleState:
 
 def settling_of(parameters: Gravity) -> Settling:
     """Return the parameters of the settling alone."""
-    return Settling(**{item.name: getattr(parameters, item.name) for item in fields(Settling)})
+    return with_friction(Settling(**{item.name: getattr(parameters, item.name) for item in fields(Settling)}))
 
 
 def _as_many(problem: Problem, up: Floats) -> int:

@@ -74,6 +74,7 @@ def prepare(problem: Problem) -> CompressState:
             f"start has {problem.started - problem.fixed} grains: method 'compress' places all grains at random; give "
             "them to vg.compress, which compresses a packing"
         )
+    problem.parameters.refuse_known_friction()
     loose = _loose(problem).apart
     grains = grains_at_random(loose, _many(problem.apart))
     compressor = compressor_of(loose, grains, jam=False, growth_rate=GROWTH_RATE)

@@ -240,9 +240,14 @@ def _edges_or_none(values: Iterable[float]) -> list[float] | None:
 def _read_png(path: Path, key: str | None) -> Image:
     """Read a picture as grey values between 0 and 1; columns are x, and y points up."""
     del key
+    return Image(read_guarded(png_values, path)[1]["values"])
+
+
+def png_values(path: Path) -> Content:
+    """Read the grey ``values`` of a picture, to be run by `read_guarded`."""
     pixels = np.asarray(load("matplotlib.image").imread(path), dtype=np.float64)
     grey = pixels[..., :3].mean(axis=2) if pixels.ndim == 3 else pixels
-    return Image(np.ascontiguousarray(grey[::-1].T))
+    return {}, {"values": grey[::-1].T}
 
 
 def _read_nrrd(path: Path, key: str | None) -> Image:

@@ -3,6 +3,7 @@
 import math
 import os
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,11 @@ from voxgran._base.calls import explained
 from voxgran._base.cluster import connected
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, shown
 from voxgran._base.files import as_path, existing_file
-from voxgran._base.guarded import Content, read_guarded, refused
+from voxgran._base.guarded import Content, read_guarded, read_part, refused
 from voxgran._base.units import known_unit
-from voxgran._base.vtk_readers import chosen_name
-from voxgran.lattice.image import Image, as_block, block_library, lazily, lazy_of
+from voxgran._base.vtk_readers import refuse_elsewhere
+from voxgran.lattice.image import Image, as_block, lazily, lazy_of
+from voxgran.shapes.images.foreign import Parts, hdf5_array, hdf5_part, scales_of, tiff_part, zarr_array, zarr_part
 from voxgran.shapes.images.image_files import (
     image_library,
     load_image,
@@ -26,7 +28,7 @@ from voxgran.shapes.images.image_files import (
     tiff_lattice,
     with_lattice,
 )
-from voxgran.shapes.images.ome_zarr import ome_image, parts_of
+from voxgran.shapes.images.ome_zarr import ome_image
 
 TIFF, HDF5 = (".tif", ".tiff"), (".h5", ".hdf5", ".hdf", ".nxs")
 #: bytes in which the header of a raw file ends
@@ -52,41 +54,6 @@ class Mapped:
 
     def __getitem__(self, key: Any) -> NDArray[Any]:
         return np.array(np.memmap(self.path, self.dtype, "r", self.offset, self.shape, self.order)[key])
-
-
-@dataclass(frozen=True, slots=True)
-class Slices:
-    """Slices across z, each a page of a TIFF file with rows y and columns x."""
-
-    pages: tuple[tuple[Path, int], ...]
-    dtype: Any
-    shape: tuple[int, ...]
-    ndim: int = 3
-
-    def __getitem__(self, key: Any) -> NDArray[Any]:
-        some = np.arange(len(self.pages))[key[2]]
-        values = np.empty((*self.shape[:2], some.size), dtype=self.dtype)
-        for k, z in enumerate(some.flat):
-            path, page = self.pages[z]
-            with refused(path):
-                values[..., k] = image_library("tifffile").imread(path, key=page, maxworkers=1).T
-        return values[key[0], key[1]] if some.ndim else values[key[0], key[1], 0]
-
-
-@dataclass(frozen=True, slots=True)
-class Stored:
-    """An array of an HDF5 file."""
-
-    path: Path
-    key: str
-    dtype: Any
-    shape: tuple[int, ...]
-    chunks: tuple[int, ...] | None
-    ndim: int = 3
-
-    def __getitem__(self, key: Any) -> NDArray[Any]:
-        with refused(self.path), block_library("h5py").File(self.path, "r") as file:
-            return np.asarray(file[self.key][key])
 
 
 @explained(hint='open_image("scan.zarr", voxel_size=0.1, unit="mm")')
@@ -198,7 +165,7 @@ def _image_in(path: Path, key: str | None) -> Image:
         return _open_zarr(path, key) if _is_zarr(path) else _stack(path)
     existing_file(path)
     if suffix in HDF5:
-        return _open_hdf5(path, key)
+        return Image(_parts(hdf5_part, path, read_part(hdf5_array, path, size=0, key=key)[0]))
     if suffix in (".nrrd", ".nhdr"):
         return _of_header(path, read_guarded(nrrd_header, path)[0], key)
     if suffix in (".mha", ".mhd"):
@@ -215,35 +182,27 @@ def _image_in(path: Path, key: str | None) -> Image:
 
 def _open_zarr(path: Path, key: str | None) -> Image:
     """Return an array of zarr, and what voxgran has written beside it."""
-    zarr = block_library("zarr")
-    found = zarr.open(path, mode="r")
-    if isinstance(found, zarr.Group):
-        if (image := ome_image(found, key, path)) is not None:
-            return image
-        names = sorted(name for name, _ in found.arrays())
-        found = found[chosen_name([key] if key is not None and key in found else names, key, path)]
-    told = dict(found.attrs)
+    facts, _ = read_part(zarr_array, path, size=0, key=key)
+    told, values = facts["told"], _parts(zarr_part, path, facts)
+    if scales_of(told):
+        return ome_image(told, facts["name"], values, path)
     size, origin = told.get("voxel_size"), told.get("origin", (0.0, 0.0, 0.0))
-    values = parts_of(found, path)
     return Image(values, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
 
 
-def _open_hdf5(path: Path, key: str | None) -> Image:
-    """Return an array of an HDF5 file."""
-    library, names = block_library("h5py"), list[str]()
-    with library.File(path, "r") as file:
-        file.visititems(lambda name, item: names.append(name) if isinstance(item, library.Dataset) else None)
-        wanted = key.strip("/") if key is not None else None
-        name = chosen_name(names, wanted, path)
-        found = file[name]
-        return Image(Stored(path, name, found.dtype, found.shape, found.chunks, found.ndim))  # type: ignore[arg-type]
+def _parts(reader: Callable[..., Content], path: Path, facts: dict[str, Any]) -> Any:
+    """Return the array that facts describe, of which parts are read when they are asked for."""
+    chunks = None if facts["chunks"] is None else tuple(facts["chunks"])
+    about = {"name": facts["name"], "dtype": np.dtype(facts["dtype"]), "shape": tuple(facts["shape"])}
+    return Parts(reader=reader, path=path, chunks=chunks, **about)
 
 
 def _stack(path: Path) -> Image:
     """Return the pages of a TIFF file, or of the files of a folder."""
     facts, _ = read_guarded(tiff_stack, path)
     dtype, shape, spacing = np.dtype(facts["dtype"]), tuple(facts["shape"]), facts["spacing"]
-    values: Any = Slices(tuple((Path(name), k) for name, k in facts["pages"]), dtype, shape)
+    pages = tuple((name, k) for name, k in facts["pages"])
+    values: Any = Parts(reader=tiff_part, path=path, name="", dtype=dtype, shape=shape, chunks=None, pages=pages)
     if facts["offset"] is not None:
         # values that lie one after another
         values = Mapped(path, facts["offset"], dtype, shape, "F")
@@ -350,10 +309,8 @@ def _of_header(path: Path, facts: dict[str, Any], key: str | None) -> Image:
     """
     name = facts["file"]
     data = path if name is None else path.parent / str(name)
-    if name is not None and (name != Path(name).name or not data.is_file()):
-        raise FileFormatError(
-            f"{path} has its values in {str(name)[:80]!r}: they must lie in it or in one file beside it; copy them"
-        )
+    if name is not None:
+        refuse_elsewhere(path, str(name))
     if not facts["raw"]:
         return load_image(path, key=key)
     dtype, shape, spacing = np.dtype(facts["dtype"]), tuple(facts["shape"]), facts["spacing"]

@@ -9,8 +9,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, OutputError, shown
-from voxgran._base.files import existing_file, output_suffix, written_whole
-from voxgran._base.guarded import Content, read_guarded
+from voxgran._base.files import PROBE, existing_file, output_suffix, written_whole
+from voxgran._base.guarded import Content, one_file, read_guarded
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -65,6 +65,8 @@ def write_model(
     packed = {name: {"zlib": True, "complevel": 4} for name in ("vertices", "faces")}
     with written_whole(path, overwrite=overwrite) as draft:
         try:
+            # netCDF takes any error of a new file for a lack of permission
+            draft.write_bytes(bytes(PROBE))
             table.to_netcdf(draft, engine="netcdf4", encoding=packed)
         # a name that is not UTF-8 is refused by the library
         except (RuntimeError, UnicodeEncodeError) as error:
@@ -104,7 +106,8 @@ def model_values(path: Path) -> Content:
     FileFormatError
         If it holds something else, or its arrays do not fit each other.
     """
-    with load("netCDF4").Dataset(path) as file:
+    library = load("netCDF4")
+    with one_file(), library.Dataset(path) as file:
         if getattr(file, "kind", "") != KIND or not set(ARRAYS) <= set(file.variables):
             raise FileFormatError(f"{path} holds no distribution of shapes: give a file that ShapeModel.save wrote")
         strength = float(file.strength)

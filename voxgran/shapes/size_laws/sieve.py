@@ -1,5 +1,6 @@
 """Sieve curves, as laboratories write them: what passes or what is retained, as shares, percent or masses."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
@@ -146,7 +147,11 @@ def _table_of(table: Any, unit: str | None, where: str) -> dict[str, tuple[float
     # what passes is taken where both are there
     for kind in ("openings", "passing") if "passing" in places else ("openings", "retained"):
         # the pan has no opening
-        values = numbers_in(table[places[kind]], where, str(places[kind]), words={"pan": 0.0})
+        name = str(places[kind])
+        values = numbers_in(table[places[kind]], where, name, words={"pan": 0.0})
+        in_percent = kind == "passing" and re.search("%|percent", name.lower())
+        if in_percent and abs(values.max(initial=0.0) - 1.0) <= ROUNDING:
+            warn(f"{where} has {name!r} up to 1: these are taken as shares and not as percent", PackingWarning)
         found[kind] = tuple((factor * values if kind == "openings" else values).tolist())
     return found
 
