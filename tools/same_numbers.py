@@ -10,7 +10,9 @@ difference in units of the largest value, and ends with status 1 if there are an
 
 import argparse
 import importlib.metadata
+import json
 import re
+import subprocess
 import sys
 import time
 import warnings
@@ -80,9 +82,9 @@ def keep_bits():
     text = source.read_text()
     versions = {name: importlib.metadata.version(name) for name in bits.VERSIONS}
     for table, values in (("VERSIONS", versions), ("REFERENCE", {name: found[name] for name in bits.jobs()})):
-        lines = "".join(f'    "{name}": "{value}",\n' for name, value in values.items())
-        text = re.sub(rf"(?ms)^{table}(: [^=]*)? = {{.*?}}$", rf"{table}\1 = {{\n{lines}}}", text)
+        text = re.sub(rf"(?ms)^{table}(: [^=]*)? = {{.*?}}$", rf"{table}\1 = {json.dumps(values)}", text)
     source.write_text(text)
+    subprocess.run([sys.executable, "-m", "ruff", "format", "--quiet", str(source)], check=True)
 
 
 if __name__ == "__main__":

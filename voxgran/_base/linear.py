@@ -236,17 +236,17 @@ def _diagonalize(matrix: Floats, values: Floats, vectors: Floats) -> None:
                     turned = True
                     half = (other - one) / (2.0 * off)
                     t = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
-                    c = 1.0 / math.sqrt(t * t + 1.0)
-                    b = t * c
+                    cosine = 1.0 / math.sqrt(t * t + 1.0)
+                    sine = t * cosine
                     matrix[s, p, p], matrix[s, q, q] = one - t * off, other + t * off
                     matrix[s, p, q] = matrix[s, q, p] = 0.0
                     for r in range(k):
                         if r not in (p, q):
                             x, y = matrix[s, r, p], matrix[s, r, q]
-                            matrix[s, r, p] = matrix[s, p, r] = c * x - b * y
-                            matrix[s, r, q] = matrix[s, q, r] = b * x + c * y
+                            matrix[s, r, p] = matrix[s, p, r] = cosine * x - sine * y
+                            matrix[s, r, q] = matrix[s, q, r] = sine * x + cosine * y
                         x, y = vectors[s, r, p], vectors[s, r, q]
-                        vectors[s, r, p], vectors[s, r, q] = c * x - b * y, b * x + c * y
+                        vectors[s, r, p], vectors[s, r, q] = cosine * x - sine * y, sine * x + cosine * y
             if not turned:
                 break
         for p in range(k):
@@ -319,14 +319,14 @@ def _orthogonalize(rows: Floats, values: Floats, turns: Floats) -> None:
                     turned = True
                     half = (other - one) / (2.0 * off)
                     t = math.copysign(1.0, half) / (abs(half) + math.sqrt(half * half + 1.0))
-                    c = 1.0 / math.sqrt(t * t + 1.0)
-                    b = t * c
+                    cosine = 1.0 / math.sqrt(t * t + 1.0)
+                    sine = t * cosine
                     for j in range(m):
                         x, y = rows[s, p, j], rows[s, q, j]
-                        rows[s, p, j], rows[s, q, j] = c * x - b * y, b * x + c * y
+                        rows[s, p, j], rows[s, q, j] = cosine * x - sine * y, sine * x + cosine * y
                     for j in range(k):
                         x, y = turns[s, p, j], turns[s, q, j]
-                        turns[s, p, j], turns[s, q, j] = c * x - b * y, b * x + c * y
+                        turns[s, p, j], turns[s, q, j] = cosine * x - sine * y, sine * x + cosine * y
             if not turned:
                 break
         for p in range(k):

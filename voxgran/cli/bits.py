@@ -19,13 +19,7 @@ from voxgran.shapes.sizes import lognormal
 from voxgran.voxels.occupy import voxelize
 
 #: versions with which the bits below were made, of what decides them
-VERSIONS = {
-    "numpy": "2.4.6",
-    "scipy": "1.17.1",
-    "numba": "0.68.1",
-    "llvmlite": "0.50.0",
-    "manifold3d": "3.5.4",
-}
+VERSIONS = {"numpy": "2.4.6", "scipy": "1.17.1", "numba": "0.68.1", "llvmlite": "0.50.0", "manifold3d": "3.5.4"}
 #: bits of each job, as `digest` gives them
 REFERENCE: dict[str, str] = {
     "lognormal sizes": "2bac7320e61ba502",
