@@ -297,7 +297,7 @@ def test_bad_input_is_refused_in_one_sentence(container, given, words):
 
 
 def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refused():
-    # bars: spheres end in a chain, as wide as its cell, for 14 of 20 seeds
+    # bars: spheres end in other ways too, as a chain or by yielding
     loose = loose_grains(vg.make_shape("box", lengths=(1.6, 0.8, 0.8)), count=15)
     with pytest.raises(InputError, match="narrower than a grain; ask for more equal stresses"):
         vg.compress(loose, stress=(1e-9, 1, 1))
