@@ -2,7 +2,6 @@
 
 import os
 import resource
-import sys
 from collections.abc import Sequence
 
 from voxgran._base.stopping import Signals
