@@ -364,3 +364,15 @@ def test_a_scene_of_an_earlier_run_that_is_damaged_is_said(tmp_path):
     assert queue.runs[0].state == "failed"
     assert "run_1.toml" in queue.runs[0].error
     assert issubclass(InputError, VoxgranError)
+
+
+def test_a_view_is_no_larger_than_memory(page):
+    window = page.desk.look.stage.render_window
+    for size in ((2**31, 5), ((100_000, 100_000),), (-5, 1e9)):
+        window.SetSize(*size)
+        assert max(window.GetSize()) <= 8192
+    for size in (("a", 5), (None, 5), ((1, 2, 3),)):
+        with pytest.raises((TypeError, ValueError)):
+            window.SetSize(*size)
+    window.SetSize(120, 90)
+    assert tuple(page.desk.look.stage.window_size) == (120, 90)

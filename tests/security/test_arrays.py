@@ -284,3 +284,10 @@ def test_links_in_a_folder_lead_to_no_other_place(name, secret):
     place.unlink()
     os.link(secret, place)
     assert np.asarray(vg.open_image(path)).size == 64
+
+
+@pytest.mark.parametrize("told", [{"voxel_size": ["x", 1, 1]}, {"voxel_size": [-1, 1, 1]}, {"origin": 5}, {"ome": 5}])
+def test_attributes_are_checked(told, tmp_path):
+    array = zarr.create_array(tmp_path / "a.zarr", shape=(4, 4, 4), dtype="u1")
+    array.attrs.update(told)
+    refused(tmp_path / "a.zarr")

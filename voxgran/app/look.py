@@ -31,6 +31,8 @@ from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
 WINDOW = (900, 700)
+#: largest width and height of the scene, in pixels
+LARGEST = 8192
 #: grains above which a bed that grows is drawn as spheres of their size, which are points
 MANY = 300
 #: about the largest number of triangles of a bed, which turns smoothly
@@ -68,6 +70,14 @@ class Look:
     def __post_init__(self) -> None:
         self.stage.disable_anti_aliasing()
         keep_written(self.stage, self._write)
+        window, resize = self.stage.render_window, self.stage.render_window.SetSize
+
+        def resize_in_limits(*size: Any) -> None:
+            wide, high = size if len(size) == 2 else size[0]
+            resize(*(min(max(int(length), 0), LARGEST) for length in (wide, high)))
+
+        # a browser says the size, and graphics end the process where there is no memory for it
+        window.SetSize = resize_in_limits
 
     @contextlib.contextmanager
     def smooth(self) -> Iterator[None]:

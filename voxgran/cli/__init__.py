@@ -2,7 +2,6 @@
 
 import os
 import resource
-import sys
 from collections.abc import Sequence
 
 from voxgran._base.stopping import Signals
@@ -22,9 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             from voxgran.cli.program import run
 
             status = run(arguments, signals)
-        except (MemoryError, SystemError):
-            # Python may lose an exception for which there is no memory
-            if sys.exc_info()[0] is SystemError and resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+        except (MemoryError, SystemError, ImportError) as error:
+            # where there is no memory, Python may lose an exception, and libraries cannot be loaded
+            limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+            if not isinstance(error, MemoryError) and limit == resource.RLIM_INFINITY:
                 raise
             os.write(2, b"voxgran: the memory does not suffice: end other programs, or raise the limit (ulimit -v)\n")
             status = 1

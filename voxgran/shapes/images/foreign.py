@@ -157,8 +157,8 @@ def _refuse_codecs(array: Any, path: Path) -> None:
     strange = [shown(name) for name in _names_of(codecs) if name.removeprefix("numcodecs.") not in CODECS]
     if strange or array.dtype.kind not in "biufc":
         raise FileFormatError(
-            f"{path} has chunks of {array.dtype} packed by {', '.join(strange) or 'nothing else'}: numbers, packed by "
-            "gzip, blosc, zstd or the like, are needed; write it again"
+            f"{path} has chunks of {array.dtype}, packed by {', '.join(strange) or 'codecs that are known'}: numbers, "
+            "packed by gzip, blosc, zstd or the like, are needed; write it again"
         )
 
 

@@ -18,7 +18,7 @@ from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, read_part, refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import refuse_elsewhere
-from voxgran.lattice.image import Image, as_block, lazily, lazy_of
+from voxgran.lattice.image import Image, as_block, as_edges, lazily, lazy_of
 from voxgran.shapes.images.foreign import Parts, hdf5_array, hdf5_part, scales_of, tiff_part, zarr_array, zarr_part
 from voxgran.shapes.images.image_files import (
     image_library,
@@ -186,8 +186,8 @@ def _open_zarr(path: Path, key: str | None) -> Image:
     told, values = facts["told"], _parts(zarr_part, path, facts)
     if scales_of(told):
         return ome_image(told, facts["name"], values, path)
-    size, origin = told.get("voxel_size"), told.get("origin", (0.0, 0.0, 0.0))
-    return Image(values, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
+    size, (x, y, z) = told.get("voxel_size"), map(float, told.get("origin", (0.0, 0.0, 0.0)))
+    return Image(values, None if size is None else as_edges(size), (x, y, z), known_unit(str(told.get("unit", ""))))
 
 
 def _parts(reader: Callable[..., Content], path: Path, facts: dict[str, Any]) -> Any:
