@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Find calls whose result depends on the processor: ``same_bits.py [FOLDER ...]``, by default voxgran.
+"""Find calls whose result depends on the processor.
 
 BLAS and LAPACK sum in an order of their own on each processor; NumPy computes elementary functions and sorts without
 ``kind="stable"`` by other instructions where there is AVX-512. Results are made by `voxgran._base.linear` and
@@ -7,6 +7,7 @@ BLAS and LAPACK sum in an order of their own on each processor; NumPy computes e
 a comment ``# bits: REASON`` is an exception. Each finding is a line, and the status is then 1.
 """
 
+import argparse
 import ast
 import sys
 from collections.abc import Iterator
@@ -89,11 +90,11 @@ def _is_array(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and ast.unparse(node.func) in MAKE_ARRAYS
 
 
-def main(folders: list[str]) -> int:
+def main(folders: list[Path]) -> int:
     """Print each finding; return 1 if there is one."""
     found = 0
-    for folder in folders or ["voxgran"]:
-        for path in sorted(Path(folder).rglob("*.py")):
+    for folder in folders:
+        for path in sorted(folder.rglob("*.py")):
             if {*path.parts, path.stem} & set(NOT_RESULTS):
                 continue
             text = path.read_text(encoding="utf-8")
@@ -107,4 +108,9 @@ def main(folders: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="*", type=Path, default=[Path("voxgran")], help="default: voxgran")
+    given = parser.parse_args().folder
+    if wrong := [folder for folder in given if not folder.is_dir()]:
+        parser.error(f"{wrong[0]} is no folder")
+    sys.exit(main(given))

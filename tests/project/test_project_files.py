@@ -35,7 +35,12 @@ def test_hooks_of_pre_commit_are_the_checks_of_make_lint():
     assert re.findall(r"^ *entry: (.*)$", text, flags=re.MULTILINE) == recipe("lint")
     # by the tools of the environment, on all files: no versions of their own
     assert re.findall(r"repo: (.*)", text) == ["local"]
-    assert text.count("language: system") == text.count("pass_filenames: false") == text.count("entry: ") == len(recipe("lint"))
+    assert (
+        text.count("language: system")
+        == text.count("pass_filenames: false")
+        == text.count("entry: ")
+        == len(recipe("lint"))
+    )
 
 
 def test_the_workflow_runs_what_must_pass_on_the_versions_that_are_declared():
