@@ -437,16 +437,15 @@ def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
         return
     if problem.settling is not None or not packing.count:
         return
-    checked, of, all_of_them = packing, "", ""
+    checked, of = packing, ""
     if packing.count > MOST_CHECKED:
         away = linear.norm(packing.position - packing.position[0], axis=1)
         checked = packing[np.argsort(away, kind="stable")[:SAMPLED]]
-        all_of_them = "; voxgran.verify finds all"
         of = f" in a sample of {SAMPLED} neighbors out of {packing.count} grains, and others perhaps by more"
     proof = verify(checked)
     if proof.overlapping_pairs:
         warn(
             f"{proof.overlapping_pairs} pairs of grains overlap by up to {proof.deepest:.2g} mean diameters{of}, since "
-            f"{why}, or let the grains settle{all_of_them}",
+            f"{why}, or let the grains settle",
             PackingWarning,
         )

@@ -11,6 +11,7 @@ CALLS = {"unlink", "rmtree", "rmdir", "remove_tree", "ftruncate", "truncate"}
 OF_OS = {"os.remove", "os.replace", "os.rename", "os.removedirs", "os.renames", "shutil.move"}
 PLACES = {
     ("app/runs.py", "_ended"): "the file of the growing bed of a run, which it has written itself",
+    ("app/serve.py", "serve"): "the page that leads to the app, which it has written under a random name",
     ("app/scan.py", "stop"): "the folder of a packing that is made of a scan, which it has begun itself",
     ("scene/scans.py", "finish"): "the folder of a packing of a scan that could not be made, which it has begun itself",
     ("app/desk.py", "upload"): "an upload that is no shape, which it has written itself under a new name",

@@ -109,7 +109,7 @@ def test_fields_say_meaning_unit_choices_and_default():
     fields = {field["name"]: field for field in form["fields"]}
     assert fields["friction"]["meaning"]
     assert fields["enabled"]["choices"] == ["true", "false"]
-    assert tomllib.loads(f"v = {fields['friction']['default']}")["v"] > 0
+    assert tomllib.loads(f"v = {fields['rest']['default']}")["v"] > 0
 
 
 @pytest.mark.parametrize("container", [{}, {"container": {"kind": "box", "lengths": [9, 9, 9]}}])
