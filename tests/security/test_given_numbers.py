@@ -72,7 +72,5 @@ def test_a_warning_of_overlaps_counts_all_or_states_its_sample(count):
     if count < 200:
         assert text.startswith(f"{proof.overlapping_pairs} pairs of grains overlap by up to {proof.deepest:.2g} mean")
     else:
-        assert (
-            " mean diameters in a sample of 30 neighbors out of 400 grains, and others perhaps by more, since" in text
-        )
+        assert " mean diameters in a sample of 30 of 400 grains, others perhaps by more, since" in text
         assert int(text.split()[0]) < proof.overlapping_pairs

@@ -435,13 +435,12 @@ def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
         why = "surfaces may cross between control points: take a smaller spacing"
     else:
         return
+    checked, of = packing, ""
     if problem.settling is not None or not packing.count:
         return
-    checked, of = packing, ""
     if packing.count > MOST_CHECKED:
-        away = linear.norm(packing.position - packing.position[0], axis=1)
-        checked = packing[np.argsort(away, kind="stable")[:SAMPLED]]
-        of = f" in a sample of {SAMPLED} neighbors out of {packing.count} grains, and others perhaps by more"
+        near = np.argsort(linear.norm(packing.position - packing.position[0], axis=1), kind="stable")[:SAMPLED]
+        checked, of = packing[near], f" in a sample of {SAMPLED} of {packing.count} grains, others perhaps by more"
     proof = verify(checked)
     if proof.overlapping_pairs:
         warn(
