@@ -2,9 +2,9 @@
 """Find calls whose result depends on the processor.
 
 BLAS and LAPACK sum in an order of their own on each processor; NumPy computes elementary functions and sorts without
-``kind="stable"`` by other instructions where there is AVX-512. Results are made by `voxgran._base.linear` and
-`voxgran._base.libm` instead. What stands in NOT_RESULTS and what is compiled are left out; a line that ends in
-a comment ``# bits: REASON`` is an exception. Each finding is a line, and the status is then 1.
+``kind="stable"`` by other instructions where there is AVX-512. Results are made by
+`voxgran._base.arithmetic` instead. What stands in NOT_RESULTS and what is compiled are left out; a line that ends in a
+comment ``# bits: REASON`` is an exception. Each finding is a line, and the status is then 1.
 """
 
 import argparse
@@ -100,7 +100,7 @@ def main(folders: list[Path]) -> int:
             text = path.read_text(encoding="utf-8")
             for line, name in findings(ast.parse(text), text.splitlines()):
                 sys.stdout.write(
-                    f"{path}:{line}: {name} depends on the processor: use voxgran._base.linear or libm, or say why not "
+                    f"{path}:{line}: {name} depends on the processor: use voxgran._base.arithmetic, or say why not "
                     "in a comment '# bits: REASON'\n"
                 )
                 found += 1

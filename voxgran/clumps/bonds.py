@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_share
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.lazy import Dataset, load

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import periods_of

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_number
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.progress import OnStep, Step, silent

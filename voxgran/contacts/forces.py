@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly

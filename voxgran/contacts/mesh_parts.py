@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.convex import TOUCHING, part_size, penetration

@@ -9,7 +9,7 @@ intersection is searched for the deepest point. A grain in a cavity of another, 
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed

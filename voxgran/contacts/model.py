@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 
 

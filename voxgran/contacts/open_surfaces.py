@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.convex import TOUCHING, part_size
 from voxgran.contacts.depth import deepest_of_triangles

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW, SPHEROCYLINDER
 from voxgran.shapes.describing.body import Geometry, as_spheres

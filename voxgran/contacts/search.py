@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.rotation import rotation_matrices
 

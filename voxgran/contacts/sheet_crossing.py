@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.triangles import pair_bound, turn_triangles

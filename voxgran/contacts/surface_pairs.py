@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.compiling.threads import in_blocks, thread_count
 from voxgran._base.kernels import kernel

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.lazy import load

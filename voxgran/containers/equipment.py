@@ -13,7 +13,8 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError

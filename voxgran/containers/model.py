@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, check_known, nearest, shown, unknown

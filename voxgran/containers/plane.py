@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats, as_points, check_lengths, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load

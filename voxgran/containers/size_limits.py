@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.contacts.assembly import Assembly, by_shape
 from voxgran.geometry.rotation import quaternions_of

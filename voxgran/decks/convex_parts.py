@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load

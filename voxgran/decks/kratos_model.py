@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Bodies, Template

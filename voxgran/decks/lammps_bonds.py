@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import Dataset
 from voxgran.decks.contact_law import SHEAR_RATIO, ContactLaw

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import Dataset

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.convex_bodies import is_convex

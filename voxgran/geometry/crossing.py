@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.morton import morton_order

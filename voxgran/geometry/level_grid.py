@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.periods import slopes_of

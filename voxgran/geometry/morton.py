@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 
 #: grains from which on a bed and its contacts are larger than the caches of a processor

@@ -7,7 +7,7 @@ one, follow from those along the axes by three slopes, which are 0 in an upright
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 
 #: no axis repeats

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float

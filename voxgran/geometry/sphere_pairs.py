@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import at_once, blocks_of
 from voxgran._base.errors import InputError

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel

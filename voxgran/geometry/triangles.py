@@ -7,7 +7,7 @@ its edges ab, bc, ca and 4 to 6 for its corners a, b, c.
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, along, corner_of, cross, dot, sub

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.vectors import Vector, along, dot, times, vector_at

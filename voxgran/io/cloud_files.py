@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError

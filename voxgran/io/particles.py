@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn, with_article

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran._base.scalars import cube_root

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.lattice.census import Census
 from voxgran.lattice.image import of_blocks, window

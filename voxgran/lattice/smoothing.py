@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.lazy import load
 
 

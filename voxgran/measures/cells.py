@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import FLAT, kernel_container

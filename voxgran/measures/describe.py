@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, check_known, warn

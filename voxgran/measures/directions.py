@@ -21,7 +21,7 @@ from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 
 #: factor of the traceless part in the tensor D, squared norm of the traceless part for a single direction, and factor

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.model import periods_of
 from voxgran.lattice.label import components

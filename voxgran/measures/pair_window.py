@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
 from voxgran.containers.model import boundary_of, periods_of

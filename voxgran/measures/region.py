@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import main_axis

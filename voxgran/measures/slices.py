@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel

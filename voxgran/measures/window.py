@@ -16,7 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, periods_of, tilt_of

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, numbered, shown, warn
 from voxgran._base.registry import Parameters
@@ -337,8 +337,8 @@ def _laid(
 ) -> tuple[Integers, Floats]:
     """Return shapes and diameters of the grains of strata: a count, or as many as have the target volume."""
     dimension = shapes[0].dimension
-    mean = float(linear.matmul(shares, _unit_volumes(shapes) * libm.power(_factors(shapes, sizes), dimension)))
-    mean = mean * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
+    mean = float((shares * _unit_volumes(shapes) * libm.power(_factors(shapes, sizes), dimension)).sum())
+    mean *= sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
     room = target / mean if mean > 0.0 else math.inf
     many = min(math.inf if count is None else count, math.ceil(room) if math.isfinite(room) else math.inf)
     if count is None and many > MOST_DRAWN:
@@ -447,5 +447,4 @@ def _unit_volumes(shapes: Sequence[Shape]) -> Floats:
 
 def _lengths_text(container: Container) -> str:
     """Write the lengths of the bounds."""
-    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
-    return " x ".join(f"{length:.6g}" for length in lengths)
+    return " x ".join(f"{length:.6g}" for length in np.ptp(container.bounds, axis=0)[: container.dimension])

@@ -10,7 +10,8 @@ from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_indices, as_number, check_type, read_only
 from voxgran._base.calls import explained
 from voxgran._base.errors import GrainIndexError, InputError, shown

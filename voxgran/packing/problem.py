@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, warn

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError, numbered, shown
 from voxgran._base.scalars import number_of, whole_number_of

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown

@@ -6,7 +6,7 @@ surface has control points on its border, too.
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length
 from voxgran._base.errors import InputError
 from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface

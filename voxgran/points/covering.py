@@ -7,7 +7,7 @@ below to any accuracy: branch and bound (Land & Doig 1960, doi:10.2307/1910129).
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 

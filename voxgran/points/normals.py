@@ -5,7 +5,7 @@ Open3D orients them along a Delaunay triangulation, for which Qhull fails if the
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, libm
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root

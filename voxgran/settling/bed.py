@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.forces import LID, WALL

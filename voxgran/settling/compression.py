@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, shown
 from voxgran._base.stopping import Stopped

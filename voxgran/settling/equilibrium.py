@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads

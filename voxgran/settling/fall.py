@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.manifolds.rows import MASS, PUSH

@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
+from voxgran._base.arithmetic.tiles import COLUMNS, ROWS, add_tile, padded
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
-from voxgran._base.tiles import COLUMNS, ROWS, add_tile, padded
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, OUTLINE, SPHERE, SURFACE
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.bed import Bed

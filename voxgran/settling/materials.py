@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import from_mapping, parameter

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, SURFACE
 from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces
 from voxgran.settling.bed import Bed

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import PUSH
 from voxgran.containers.model import periods_of

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
@@ -241,7 +240,7 @@ class Settler(Examined):
 
     def _layers(self) -> float:
         """Return the height of the bed, in median diameters."""
-        return float(np.ptp(linear.matmul(self.bed.grains.position, self.bed.gravity))) if self.bed.count else 0.0
+        return float(np.ptp((self.bed.grains.position * self.bed.gravity).sum(axis=1))) if self.bed.count else 0.0
 
     def _drop(self) -> None:
         """Make a step of the fall."""
@@ -275,7 +274,7 @@ class Settler(Examined):
     def _height(self) -> float:
         """Return the height of the container along gravity, in median diameters."""
         lower, upper = self.bed.assembly.container.bounds
-        return float(linear.matmul(upper - lower, np.abs(self.bed.gravity)))
+        return float(((upper - lower) * np.abs(self.bed.gravity)).sum())
 
     def _shake(self) -> None:
         """Make a step in which each grain is accelerated in a direction of its own."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load

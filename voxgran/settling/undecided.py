@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.settling.balance import LoadedContacts, masses_of, net_accelerations
 from voxgran.settling.cell import INVERSE_MASS, INVERSE_MOMENT

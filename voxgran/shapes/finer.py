@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, box_of, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.kernels import kernel

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, linear, public
+from voxgran._base import ExplainedAttributes, public
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import (
     Booleans,
     Floats,

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.geometry.sphere_pairs import near_pairs

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import (
     Booleans,
     Floats,

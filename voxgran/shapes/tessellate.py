@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.geometry.triangles import normals_of
 

@@ -7,7 +7,7 @@ so that no edge of a regular body lies in their direction, and the caller decide
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.geometry.rotation import normalized, rotation_matrices

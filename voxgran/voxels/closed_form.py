@@ -13,7 +13,7 @@ import itertools
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.lattice.grid import Grid

@@ -10,7 +10,7 @@ the fan is closed and has whole winding numbers by columns, and those of the fan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError, warn

@@ -8,7 +8,7 @@ Gauss's rule over an angle, which takes away the roots at the ends.
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 

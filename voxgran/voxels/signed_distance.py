@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.seeds import stream
 
 OF_ONE = {

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.seeds import stream
 
 ROUNDING = 1e-12

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from voxgran._base.arithmetic.tiles import COLUMNS, ROWS, add_tile, padded
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import stream
-from voxgran._base.tiles import COLUMNS, ROWS, add_tile, padded
 
 
 @kernel

@@ -14,7 +14,7 @@ Matsushima & Saomoto 2003
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream

@@ -13,7 +13,7 @@ Price, Murariu & Morrison 2007, Sphere clump generation and trajectory compariso
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load

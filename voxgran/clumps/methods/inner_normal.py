@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream

@@ -17,7 +17,7 @@ Inscribed spheres from a distance transform, chosen by radius instead: Angelidak
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.kernels import kernel

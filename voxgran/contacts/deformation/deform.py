@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load

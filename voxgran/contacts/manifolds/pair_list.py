@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.manifolds.rows import Grains, PairList

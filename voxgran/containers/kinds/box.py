@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as_vector
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import ContactLaw

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Engine, Held, row_of, text_of

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Template

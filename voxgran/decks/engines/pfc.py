@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.decks.bodies import Template

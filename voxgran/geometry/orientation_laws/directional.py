@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.config import check_bounds, parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, shown

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number
 from voxgran._base.errors import InputError
 from voxgran.contacts.model import Contacts

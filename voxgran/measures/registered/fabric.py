@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.containers.model import periods_of
 from voxgran.geometry.orientation_laws.directional import Random

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.contacts.forces import AT_REST, ContactForces, partner_images

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers, as_number
 from voxgran.containers.model import refuse_tilt
 from voxgran.geometry.halfspaces import cut_disks, cut_spheres

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_count
 from voxgran.measures.cells import cell_volumes
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of, periods_of, refuse_tilt

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_number
 from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.kernels import kernel

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning, warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable

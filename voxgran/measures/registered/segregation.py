@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.seeds import stream

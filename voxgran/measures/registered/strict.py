@@ -1,6 +1,6 @@
 """Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.compiling.threads import using_threads
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs

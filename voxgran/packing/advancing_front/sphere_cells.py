@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.level_grid import LevelGrid, empty_grid, link_at, unlink_at

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside

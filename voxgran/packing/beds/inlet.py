@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import check_bounds, parameter

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_count, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, warn

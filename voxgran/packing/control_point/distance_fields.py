@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lazy import load

@@ -7,7 +7,7 @@ against the one at which the true surfaces touch.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel

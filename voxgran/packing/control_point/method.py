@@ -34,7 +34,7 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.containers.gravity import gravity_vector, main_axis, upward

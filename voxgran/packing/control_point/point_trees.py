@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel, inlined_kernel

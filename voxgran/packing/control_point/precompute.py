@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import ROUND, UPRIGHT, MeshWalls

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import WHOLE, Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.contacts.inside import Occupied

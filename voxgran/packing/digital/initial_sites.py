@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.gravity import upward
 from voxgran.packing.digital.container_lattice import ContainerLattice

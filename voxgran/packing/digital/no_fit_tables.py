@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.digital.bit_columns import Field, VoxelBank, turned_box, turned_mask

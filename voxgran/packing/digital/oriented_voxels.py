@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import lattice_rotations, product, quaternions_of, random_rotations

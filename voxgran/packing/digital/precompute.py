@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.seeds import philox_key
 from voxgran.containers.gravity import gravity_vector, main_axis

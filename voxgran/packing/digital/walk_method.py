@@ -27,7 +27,7 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.gravity import gravity_vector

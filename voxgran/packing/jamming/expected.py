@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL, PUSH
 from voxgran.settling.bed import Bed

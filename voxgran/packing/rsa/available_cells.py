@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Words
 from voxgran._base.stopping import stop_if_asked
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float

@@ -6,7 +6,7 @@ the wall, which are looked up again wherever a sphere reaches too far.
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of, periods_of

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, check_coordinates
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError

@@ -28,7 +28,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning, warn

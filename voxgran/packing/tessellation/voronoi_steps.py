@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.packing.method import State

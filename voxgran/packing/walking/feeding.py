@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.io.image import to_image
 from voxgran.lattice.along_lines import chord_lengths, two_point_correlation

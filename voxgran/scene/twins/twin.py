@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, libm
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
 from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import InputError

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.describing.inscribed import inscribed_radius

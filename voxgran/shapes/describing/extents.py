@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran.geometry.orientation_laws.law import OrientationLaw, axis_in
 from voxgran.shapes.mesh import Surface

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, check_coordinates
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file

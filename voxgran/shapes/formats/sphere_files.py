@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats, as_positive
 from voxgran._base.errors import FileFormatError, InputError, with_article
 from voxgran._base.files import as_path, existing_file, output_suffix, written_whole

@@ -6,7 +6,7 @@ is the elongation, D_3 to D_7 make the main irregularities, and D_8 and above th
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 

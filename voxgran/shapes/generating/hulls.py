@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.shells import without_unused

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_length, as_number, as_positive, as_share, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError

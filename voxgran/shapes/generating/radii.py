@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load

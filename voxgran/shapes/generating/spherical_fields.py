@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 
 

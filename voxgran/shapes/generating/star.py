@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 
 #: smallest volume between a point and a face that counts as positive, relative to the cube of the largest distance

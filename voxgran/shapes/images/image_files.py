@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
 from voxgran._base.files import as_path, existing_file

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_array, as_choice, as_length, as_number
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError

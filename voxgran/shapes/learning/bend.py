@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.describing.curvature import SHARP, Edges, edges_of_mesh

@@ -5,7 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.geometry.tree import grow_tree
 from voxgran.shapes.describing.curvature import Bends, bends_of_mesh, mean_of_corners

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, libm
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, as_count
 from voxgran._base.calls import explained_methods
 from voxgran._base.seeds import stream

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.scalars import cube_root

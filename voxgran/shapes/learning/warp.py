@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.shapes.mesh import Mesh

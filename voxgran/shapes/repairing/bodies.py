@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, box_of
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.shells import FLAT, inner_point, shell_labels, without_unused

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_faces, box_of, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown

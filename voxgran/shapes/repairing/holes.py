@@ -6,7 +6,7 @@ doi:10.2312/SGP/SGP03/200-206), and one of many edges by triangles to its middle
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
 from voxgran.shapes.shells import half_edges
 

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points, box_of
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning, warn

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load

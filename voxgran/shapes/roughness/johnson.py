@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load

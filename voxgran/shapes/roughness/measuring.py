@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes, libm, linear
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, warn

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping

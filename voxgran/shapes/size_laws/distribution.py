@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, as_choice, as_count, as_flag, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown

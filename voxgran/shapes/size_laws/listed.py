@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown, unknown
 from voxgran._base.machine import memory_limit

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import ExplainedAttributes, libm
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError

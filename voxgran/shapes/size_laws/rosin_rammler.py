@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, as_length
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, warn

@@ -11,7 +11,7 @@ doi:10.1007/s10035-012-0356-x
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.geometry.rotation import random_rotations, rotation_matrices

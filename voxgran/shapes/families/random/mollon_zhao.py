@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load

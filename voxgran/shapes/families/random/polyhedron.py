@@ -22,7 +22,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError

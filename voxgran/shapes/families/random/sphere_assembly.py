@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base import linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError

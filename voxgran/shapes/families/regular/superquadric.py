@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.lazy import load

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root

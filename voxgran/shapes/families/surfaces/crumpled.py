@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base import libm, linear
+from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError

@@ -6,7 +6,7 @@ themselves.
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base import libm
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Integers, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
