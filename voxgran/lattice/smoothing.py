@@ -21,7 +21,7 @@ def smoothed(
     field : ndarray of float
         Values at voxels.
     width : float
-        Standard deviation, in voxels.
+        Standard deviation, in voxels; 0 leaves the field as it is.
     orders : sequence of int, optional
         For each axis 0, or 1 for the first derivative.
     mode : str
@@ -29,6 +29,8 @@ def smoothed(
     truncate : float
         Standard deviations up to which the Gaussian reaches.
     """
+    if width == 0.0:
+        return field
     reach = int(truncate * width + 0.5)
     place = np.arange(-reach, reach + 1)
     weights = libm.exp(-0.5 * (place / width) ** 2)

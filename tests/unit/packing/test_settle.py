@@ -332,7 +332,7 @@ def test_settle_within_pack_takes_true_false_or_parameters():
         walk({"frictions": 0.3})
     assert walk(Settling(friction=0.2)).problem.settling.friction == 0.2
     assert walk(False).problem.settling is None
-    assert walk(None).problem.settling == Settling()
+    assert walk(None).problem.settling == Settling(friction=0.5)
     prints = {run.fingerprint(task.method, task.problem) for task in (walk(False), walk(True), walk({"rest": 0.9}))}
     assert len(prints) == 3
 

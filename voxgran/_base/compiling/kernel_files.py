@@ -209,9 +209,12 @@ class _Files:
 
 
 def _time_of(number: int) -> str:
-    """Return the processor time that a process has used, as the system counts; empty where that is not known."""
+    """Return the processor time that a process has used, as the system counts, or what changes with each call where it
+    waits for a processor or a disk; empty where that is not known.
+    """
     with contextlib.suppress(OSError, IndexError):
-        return "+".join(Path(f"/proc/{number}/stat").read_text(encoding="latin-1").rpartition(")")[2].split()[11:13])
+        state, *numbers = Path(f"/proc/{number}/stat").read_text(encoding="latin-1").rpartition(")")[2].split()
+        return str(time.monotonic()) if state in ("R", "D") else "+".join(numbers[10:12])
     return ""
 
 
