@@ -41,6 +41,7 @@ def test_the_numbers_of_a_page_are_those_of_its_files(page):
     assert TOOL.differences(page, TOOL.filled) == [], "run tools/pages.py --write"
 
 
+@pytest.mark.exact_start("it compares digits that a run prints with those of a page")
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 @pytest.mark.usefixtures("jagged_pictures")
 @pytest.mark.parametrize(

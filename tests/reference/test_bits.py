@@ -58,6 +58,7 @@ def in_a_process(names, environment):
     return json.loads(ended.stdout)
 
 
+@pytest.mark.exact_start("it compares the bits of a run with those that were kept")
 @pytest.mark.parametrize("name", JOBS)
 def test_results_have_the_bits_that_were_kept(name):
     with warnings.catch_warnings(action="ignore"):

@@ -333,6 +333,7 @@ def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeyp
     assert "Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of" in text
 
 
+@pytest.mark.exact_start("doctor compares the bits of ten jobs with the reference")
 def test_doctor_is_content(capsys):
     assert main(["doctor", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["all_good"] is True
@@ -728,6 +729,7 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
     assert text.strip().endswith("what is marked <- needs mending")
 
 
+@pytest.mark.exact_start("doctor compares the bits of ten jobs with the reference")
 def test_doctor_tells_other_bits(monkeypatch, capsys):
     monkeypatch.setitem(bits.REFERENCE, "clump", "0" * 16)
     monkeypatch.setattr(bits, "VERSIONS", {"numpy": importlib.metadata.version("numpy")})
