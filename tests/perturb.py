@@ -5,7 +5,8 @@ first one. A test that passes without this option and fails with it rests on one
 
 Each grain is moved by a pseudo-random vector that follows from the seed and the bits of its place: two runs from one
 start agree, and so does one that goes on from a checkpoint. Fixed grains stay. Modules are changed as they are
-imported, here and in the processes that tests start; none is imported for this.
+imported, here and in the processes that tests start; none is imported for this. These processes import this file
+before pytest can rewrite it (PYTEST_DONT_REWRITE).
 """
 
 import importlib.machinery

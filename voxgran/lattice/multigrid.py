@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 
 #: relative error of the flow at which iterations end, steps whose sum estimates it, and steps at most
 ACCURACY, DELAY, MOST_STEPS = 1e-5, 2, 1000
@@ -60,7 +60,12 @@ def flow_between(conductance: Floats, inlet: Floats, outlet: Floats, potential: 
 def pair_sums(values: Floats, axes: tuple[int, ...], width: int = 2) -> Floats:
     """Return sums over each two (or `width`) neighbours along axes; the last one may be alone."""
     for axis in axes:
-        values = np.add.reduceat(values, np.arange(0, values.shape[axis], width), axis=axis)
+        lines = np.moveaxis(values, axis, 0)
+        total = lines[::width].copy()
+        for k in range(1, width):
+            more = lines[k::width]
+            total[: len(more)] += more
+        values = np.moveaxis(total, 0, axis)
     return values
 
 
@@ -103,7 +108,7 @@ def _cycle(levels: list[Level], residual: Floats) -> Floats:
     return found
 
 
-@kernel
+@inlined_kernel
 def _around(conductance, u, i, j, k):  # type: ignore[no-untyped-def]
     """Return the sum over the faces of a cell of conductance times the potential beyond."""
     nx, ny, nz = u.shape
@@ -115,7 +120,7 @@ def _around(conductance, u, i, j, k):  # type: ignore[no-untyped-def]
     return along_x + along_y + conductance[2, i, j, e] * u[i, j, e] + conductance[2, i, j, k] * u[i, j, f]
 
 
-@kernel
+@bare_kernel
 def _multiply(conductance, sums, u, out):  # type: ignore[no-untyped-def]
     """Write the net flow out of each cell, and return its product with the potential."""
     total = 0.0
@@ -128,7 +133,7 @@ def _multiply(conductance, sums, u, out):  # type: ignore[no-untyped-def]
     return total
 
 
-@kernel
+@bare_kernel
 def _sweep(conductance, sums, residual, u, back):  # type: ignore[no-untyped-def]
     """Balance one cell after the other, from the first to the last or back."""
     nx, ny, nz = u.shape
@@ -142,7 +147,7 @@ def _sweep(conductance, sums, residual, u, back):  # type: ignore[no-untyped-def
                     u[i, j, k] = (residual[i, j, k] + _around(conductance, u, i, j, k)) / sums[i, j, k]
 
 
-@kernel
+@bare_kernel
 def _restrict(conductance, sums, residual, u, out):  # type: ignore[no-untyped-def]
     """Add what is left of the residual over pairs of cells."""
     for i in range(u.shape[0]):
@@ -153,7 +158,7 @@ def _restrict(conductance, sums, residual, u, out):  # type: ignore[no-untyped-d
                     out[i // 2, j // 2, k // 2] += left
 
 
-@kernel
+@bare_kernel
 def _prolong(sums, coarse, u):  # type: ignore[no-untyped-def]
     """Add to each cell what is found for its pair."""
     for i in range(u.shape[0]):

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran.bench.tradeoffs.images.transport import by_poles
+from voxgran.lattice.diffusion import thin_share
 from voxgran.measures.model import measure
 from voxgran.measures.registered.transport import transport
 
@@ -84,13 +86,14 @@ def test_the_flow_is_that_of_a_direct_solver():
             assert found.relative[axis] == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 def test_spheres_on_a_cubic_lattice():
     # 1 % at 32 voxels, with errors that fall at least linearly over several positions of the lattice
     for fraction in (0.1, 0.2, 0.3, 0.4):
         errors = []
         for voxels in (8, 16, 32):
             found = [
-                vg.effective_diffusivity(cubic_lattice(fraction, voxels, shift), periodic="xyz").relative[0]
+                vg.effective_diffusivity(cubic_lattice(fraction, voxels, shift), periodic="xyz", block=2).relative[0]
                 for shift in (0.0, 0.21, 0.5, 0.74)
             ]
             errors.append(np.sqrt(np.mean((np.array(found) / by_poles(fraction) - 1) ** 2)))
@@ -100,6 +103,48 @@ def test_spheres_on_a_cubic_lattice():
     assert by_poles(0.4) / stepped == pytest.approx([1.03] * 3, abs=0.01)
 
 
+def test_cells_are_single_voxels_where_walls_are_thin():
+    # walls between chambers of 7 voxels, each with a hole: as in a foam
+    pores = np.ones((32, 32, 32), bool)
+    for axis in range(3):
+        np.moveaxis(pores, axis, 0)[::8] = False
+    for axis in range(3):
+        np.moveaxis(pores, axis, 0)[::8, 4::8, 4::8] = True
+    with pytest.warns(PackingWarning, match="100 % of the solid is one voxel thick.*block is 1"):
+        found = vg.effective_diffusivity(pores, periodic="xyz")
+    assert found.block == 1
+    exact = vg.effective_diffusivity(pores, periodic="xyz", block=1)
+    assert np.array_equal(found.relative, exact.relative)
+    with pytest.warns(PackingWarning, match="block is 2, not 1"):
+        coarse = vg.effective_diffusivity(pores, periodic="xyz", block=2)
+    assert found.error == pytest.approx(np.abs(coarse.relative - exact.relative))
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("fraction", [0.1, 0.3, 0.4])
+def test_the_error_that_is_estimated_is_about_the_true_one(fraction):
+    share = []
+    for voxels in (10, 16, 24):
+        for shift in (0.0, 0.21, 0.5, 0.74):
+            found = vg.effective_diffusivity(cubic_lattice(fraction, voxels, shift), periodic="xyz", block=2)
+            share.append(abs(found.relative[0] - by_poles(fraction)) < 2 * found.error[0] + 3e-3)
+    assert np.mean(share) > 0.8
+
+
+@pytest.mark.parametrize("periodic", [(False, False, False), (True, False, True)])
+def test_thin_walls_are_those_that_an_opening_by_cubes_takes_away(periodic):
+    solid = ndimage.gaussian_filter(np.random.default_rng(3).normal(size=(14, 15, 16)), 1.0) > 0.1
+    wide = solid
+    for axis, around in enumerate(periodic):
+        wide = np.pad(wide, [(4 * (k == axis),) * 2 for k in range(3)], mode="wrap" if around else "edge")
+    opened = ndimage.binary_opening(wide, np.ones((2, 2, 2)))[4:-4, 4:-4, 4:-4]
+    assert thin_share(solid, periodic) == pytest.approx(1 - opened.sum() / solid.sum())
+    assert thin_share(np.zeros((3, 3, 3), bool), periodic) == 0.0
+    # a picture of one layer goes on beyond it
+    assert thin_share(np.ones((4, 4, 1), bool), periodic) == 0.0
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 def test_a_periodic_image_may_begin_anywhere():
     # moved by whole cells, so that what is near a face lies across the border
     pores = np.random.default_rng(2).random((12, 12, 12)) < 0.7
@@ -110,14 +155,16 @@ def test_a_periodic_image_may_begin_anywhere():
         assert again == pytest.approx(found, rel=1e-4)
 
 
-def test_a_wall_with_a_hole_leaks_only_there():
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("block", [1, 2])
+def test_a_wall_with_a_hole_leaks_only_there(block):
     # a wall of one voxel on either side of the faces between cells
     for place in (4, 5):
         pores = np.ones((10, 12, 12), bool)
         pores[place] = False
-        assert vg.effective_diffusivity(pores).relative[0] == 0.0
+        assert vg.effective_diffusivity(pores, block=block).relative[0] == 0.0
         pores[place, 5, 5] = True
-        assert vg.effective_diffusivity(pores).relative[0] < 0.25
+        assert vg.effective_diffusivity(pores, block=block).relative[0] < 0.25
 
 
 def test_a_region_and_what_is_not_there():

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import as_length
-from voxgran.lattice.diffusion import Diffusivity, diffusivity_along
+from voxgran.lattice.diffusion import Diffusivity, diffusivity_of
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pores import pores_of
 from voxgran.measures.registered.voids import default_voxel_size
@@ -38,21 +38,22 @@ def transport(packing: Packing, *, voxel_size: float | None = None, block: int =
     pores = pores_of(packing, size).below
     if not pores.room.any():
         nothing = np.full(packing.dimension, np.nan)
-        return Diffusivity(nothing, nothing, math.nan)
+        return Diffusivity(nothing, nothing, math.nan, nothing, block)
     axes = range(packing.dimension)
-    found = [diffusivity_along(pores.mask, pores.room, axis, np.ones(3), pores.periodic, block=block) for axis in axes]
-    relative, effective = np.transpose(found)
-    return Diffusivity(relative, effective, pores.porosity)
+    return diffusivity_of(pores.mask & pores.room, pores.room, axes, np.ones(3), pores.periodic, block=block)
 
 
 def _compute(packing: Packing) -> Groups:
     """Return the numbers of all axes, with the size of the voxels."""
-    best, other = transport(packing), transport(packing, block=2)
+    found = transport(packing)
+    part = np.divide(found.error, found.relative, out=np.zeros_like(found.error), where=found.relative > 0.0)
+    winding = np.where(np.isfinite(found.tortuosity_factor), found.tortuosity_factor, 0.0)
+    # bodies of pores are connected whatever the cells
+    errors = [found.error, 0.0 * part, part * winding]
     whole = {}
-    for name, meaning in MEANINGS.items():
-        key = "relative" if name == "effective_diffusivity" else name
-        for axis, value, also in zip("xyz", getattr(best, key), getattr(other, key), strict=False):
-            error = 0.0 if value == also else abs(value - also)
+    for (name, meaning), each in zip(MEANINGS.items(), errors, strict=True):
+        values = found.relative if name == "effective_diffusivity" else getattr(found, name)
+        for axis, value, error in zip("xyz", values, each, strict=False):
             whole[f"{name}_{axis}"] = variable((), value, "1", meaning.format(axis), error=error)
     whole["transport_voxel_size"] = variable(
         (), default_voxel_size(packing), length_unit(packing), "edge of the voxels of the diffusion"

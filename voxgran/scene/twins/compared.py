@@ -264,7 +264,7 @@ def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
     pores = ~solid
     pairs = [np.interp(lags, *of, right=math.nan) for of in two_point_correlation(solid, voxel_size=voxel)]
     chords = np.sort(np.concatenate(chord_lengths(pores, voxel_size=voxel)))
-    transport = effective_diffusivity(pores)
+    transport = effective_diffusivity(pores, block=2)
     layers = solid.mean(axis=tuple({0, 1, 2} - {known.axis}))
     width = max(round(known.grains["diameter"].mean() / voxel), 1)
     slabs = [layers[k : k + width].mean() for k in range(0, max(len(layers) - width, 0) + 1, width)]
