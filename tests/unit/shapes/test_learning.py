@@ -17,6 +17,7 @@ from voxgran.shapes.learning import learn
 from voxgran.shapes.learning.learn import balanced
 from voxgran.shapes.learning.likeness import (
     FINE,
+    QUICK,
     comparable,
     distances,
     energy_distance,
@@ -75,8 +76,8 @@ def test_marginals_and_correlations_are_those_of_the_sample():
     roots = np.array([frame_of(grain.geometry)[2] for grain in grains])
     found, sizes = roots[:, 1] / roots[:, 0], [grain.diameter for grain in grains]
     quarters = (0.1, 0.25, 0.5, 0.75, 0.9)
-    assert np.quantile(found, quarters) == pytest.approx(np.quantile(ratio, quarters), abs=0.03)
-    assert np.quantile(sizes, quarters) == pytest.approx(np.quantile(2 - ratio, quarters), abs=0.03)
+    assert np.quantile(found, quarters) == pytest.approx(np.quantile(ratio, quarters), abs=0.05)
+    assert np.quantile(sizes, quarters) == pytest.approx(np.quantile(2 - ratio, quarters), abs=0.05)
     assert np.corrcoef(found, sizes)[0, 1] < -0.95
 
 
@@ -140,7 +141,7 @@ def test_the_least_strength_is_chosen_that_makes_new_grains_or_the_largest_witho
 def test_weights_say_how_often_a_grain_is_the_donor():
     weights = np.where(np.arange(60) < 30, 3.0, 1.0)
     grains = vg.learn_shapes(POLYHEDRA, strength=0.05, weights=weights).sample(400, seed=1)
-    assert np.mean([grain.record["donor"] < 30 for grain in grains]) == pytest.approx(0.75, abs=0.005)
+    assert np.mean([grain.record["donor"] < 30 for grain in grains]) == pytest.approx(0.75, abs=0.06)
 
 
 def test_weights_of_donors_make_up_for_the_mean_change():
@@ -158,6 +159,18 @@ def test_weights_of_donors_make_up_for_the_mean_change():
     assert balanced(given, weights, given, donors) == pytest.approx(weights, rel=1e-6)
     # what no weights make up for leaves no grain as the donor of most
     assert balanced(given, weights, given - [0.0, 50.0], donors).max() < 0.2
+
+
+def test_corners_of_drawn_grains_stick_out_little_more_than_those_of_the_sample():
+    # strong shears alone move corners outwards, by 0.04 and 0.03 diameters
+    model = vg.learn_shapes(POLYHEDRA, strength=0.2)
+    even = replace(model, donors=model.weights)
+    columns = [QUICK.index("farthest_corner"), QUICK.index("largest_distance")]
+    own, found, alone = (
+        quick_descriptors(grains)[:, columns].mean(axis=0)
+        for grains in (POLYHEDRA, model.sample(150, seed=4), even.sample(150, seed=4))
+    )
+    assert (found - own < 0.75 * (alone - own)).all()
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.learning.files import METHODS
 from voxgran.shapes.learning.likeness import (
     LEAST_SPREAD,
+    QUICK,
     distances,
     energy_distance,
     quick_descriptors,
@@ -42,6 +43,8 @@ BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
 ENOUGH, WORSE, FOLDS = 0.95, 0.25, 10
 #: halvings of the last step where the error is what ends the search
 FINER = 2
+#: column of the roundness
+ROUNDNESS = QUICK.index("roundness")
 #: grains that are drawn to see whether bars stay round, and standard deviations by which they may not become oval
 FEW, OVAL = 40, 1.0
 
@@ -134,12 +137,12 @@ def _made_oval(even: ShapeModel, seed: int) -> float:
     """Return by how many standard deviations the roundness of bars falls, on the average over a few drawn grains."""
     drawn = even.sample(min(len(even.shapes), FEW), seed=seed)
     donors = [even.shapes[shape.record["donor"]] for shape in drawn]
-    before, after = (quick_descriptors(grains, bars=True)[:, -1] for grains in (donors, drawn))
+    before, after = (quick_descriptors(grains, bars=True)[:, ROUNDNESS] for grains in (donors, drawn))
     return float((before - after).mean() / max(before.std(), LEAST_SPREAD))
 
 
 def _described(even: ShapeModel, shapes: Sequence[Shape]) -> Floats:
-    """Return the descriptors (n, 5) by which a model is chosen; where grains bend, with the roundness of bars."""
+    """Return the descriptors (n, k) by which a model is chosen; where grains bend, with the roundness of bars."""
     return quick_descriptors(shapes, bars=even.method == "bend")
 
 

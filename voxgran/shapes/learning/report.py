@@ -12,6 +12,7 @@ from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.shapes.learning.likeness import (
     COMPARED,
+    QUICK,
     comparable,
     descriptors,
     distances,
@@ -28,8 +29,8 @@ from voxgran.shapes.model import Shape
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: quick descriptors; pairs in the picture; random halves of the sample
-QUICK, PAIRS, HALVES = ("sphericity", "second_ratio", "third_ratio", "convexity", "roundness"), 6, 10
+#: pairs in the picture; random halves of the sample
+PAIRS, HALVES = 6, 10
 
 
 @dataclass(frozen=True, eq=False, repr=False)
