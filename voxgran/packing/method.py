@@ -209,6 +209,12 @@ class PackingMethod:
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
     keeps_sizes : bool
         Whether a method that scales sizes keeps those of a count, so that it places the grains of a list.
+    start : {"refused", "placed", "moved", "scaled"}
+        What it makes of the grains of a start, which come first in the result: it refuses them; leaves them in place,
+        on a lattice as near as voxels have room; moves them as it moves all grains, and keeps their sizes; or
+        multiplies the sizes of all grains by one factor.
+    no_start : str
+        What the message says of a method that refuses a start: why.
     obstacles : {"refused", "placed", "apart"}
         How it packs around fixed grains: not at all; as the first grains of the start, which it leaves in place; or as
         a part of the container, which :func:`voxgran.packing.obstacles.around_obstacles` makes of them.
@@ -243,6 +249,8 @@ class PackingMethod:
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False
+    start: Literal["refused", "placed", "moved", "scaled"] = "refused"
+    no_start: str = "begins with an empty container"
     obstacles: Literal["refused", "placed", "apart"] = "refused"
     no_obstacles: str = "has no place for them"
     no_room: str = NO_ROOM
@@ -313,6 +321,24 @@ def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Co
         raise InputError(
             f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
+        )
+
+
+def refuse_begun(method: PackingMethod, start: Packing) -> None:
+    """Refuse a start with grains where the method begins with none.
+
+    Raises
+    ------
+    InputError
+        If it is so.
+    """
+    many = int(start.movable.sum())
+    if method.start == "refused" and many:
+        registry = method_registry()
+        others = [name for name in registry.names() if registry.get(name).start != "refused"]
+        raise InputError(
+            f"start has {many} grains, and method {method.name!r} {method.no_start}: leave start out, or give a "
+            f"method that begins with grains, one of {', '.join(others)}"
         )
 
 

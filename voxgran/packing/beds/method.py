@@ -313,6 +313,7 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     no_room=NO_ROOM,
+    start="moved",
     obstacles="placed",
 )
 

@@ -206,5 +206,6 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     any_container=True,
+    start="placed",
     obstacles="apart",
 )

@@ -263,5 +263,6 @@ registration = PackingMethod(
     dimensions=(2, 3),
     any_container=True,
     builds_bed=True,
+    start="moved",
     obstacles="apart",
 )

@@ -14,7 +14,6 @@ from dataclasses import fields, replace
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
@@ -67,13 +66,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a shape is an open surface, no wall of the container moves as it is asked for, or there is a start.
+        If a shape is an open surface, or no wall of the container moves as it is asked for.
     """
-    if problem.started > problem.fixed:
-        raise InputError(
-            f"start has {problem.started - problem.fixed} grains: method 'compress' places all grains at random; give "
-            "them to vg.compress, which compresses a packing"
-        )
     problem.parameters.refuse_known_friction()
     loose = _loose(problem).apart
     grains = grains_at_random(loose, _many(problem.apart))
@@ -141,6 +135,7 @@ registration = followed(
         tilted=True,
         dimensions=(2, 3),
         stretches=True,
+        no_start="places all grains at random (vg.compress compresses a packing)",
         obstacles="placed",
         any_walls=True,
     ),

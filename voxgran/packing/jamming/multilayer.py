@@ -78,8 +78,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If the container is not a box or a rectangle with a floor and a lid, there are grains of a start, a shape is not
-        a sphere or a disk, or the grains would be denser than they jam.
+        If the container is not a box or a rectangle with a floor and a lid, a shape is not a
+        sphere or a disk, or the grains would be denser than they jam.
     """
     container, up = problem.container, problem.dimension - 1
     if not boundary_of(container).is_flat or container.periodic[up]:
@@ -87,8 +87,6 @@ def prepare(problem: Problem) -> CompressState:
             f"container is {container.kind!r}: layers lie on the floor of a box or a rectangle, below a plate; give "
             f"one that is not periodic along {'xyz'[up]}, or method='expand'"
         )
-    if problem.started:
-        raise InputError("start has grains: layers are made of new grains only; leave it out, or give method='expand'")
     other = [shape.name for shape in problem.shapes if not shape.is_sphere]
     if other:
         raise InputError(
@@ -151,6 +149,7 @@ registration = PackingMethod(
     dimensions=(2, 3),
     sizing="scaled",
     keeps_sizes=True,
+    no_start="makes layers of new grains only",
     no_obstacles="finds the heights of its layers from the volumes of their own grains",
 )
 
