@@ -63,7 +63,7 @@ class Cost:
     --------
     >>> from voxgran.packing.method import Cost
     >>> Cost(memory=10**6, attempts=100)
-    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0, seconds=0.0)
+    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0, seconds=0.0, grains=None)
     """
 
     memory: int  # estimated bytes at the peak, without the libraries
@@ -73,6 +73,8 @@ class Cost:
     sampled_shapes: int = 0
     # expected CPU time on a usual core; 0 where it is not known
     seconds: float = 0.0
+    # grains that are expected to have room, of which the method takes no more; None where it tries all that are drawn
+    grains: int | None = None
 
 
 class RunState(Protocol):

@@ -59,7 +59,8 @@ def misses(task: Task, packing: Packing) -> dict[str, float]:
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
     drawn = task.problem.count - started
     wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
-    if task.method.sizing != "drawn" and count is None and task.problem.start is None:
+    if count is None and (solid_fraction is None or task.method.sizing != "drawn"):
+        # as many as have room, or as the method makes
         wanted = packing.count - started
     missed: dict[str, float] = {"count": wanted - (packing.count - started)}
     if solid_fraction is not None:

@@ -322,7 +322,7 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls and "
+    summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls, "
     "about the axis of a cylinder",
     groups=("/profiles",),
     compute=_compute,

@@ -74,7 +74,11 @@ def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.ra
     for part in range(1, LOOKS + 1):
         above = points + part / LOOKS * (_room(problem, up) + AT_SURFACE) * up
         within &= np.asarray(container.signed_distance(above)) < 0.0
-    return usual_solid_fraction(problem) * container.volume * float(within.mean())
+    fraction, asked = usual_solid_fraction(problem), problem.parameters.solid_fraction
+    if asked is not None:
+        # beds are no denser than without friction
+        fraction = min(asked, usual_solid_fraction(problem, 0.0))
+    return fraction * container.volume * float(within.mean())
 
 
 def in_column(problem: Problem, up: Floats, count: int, height: float | None, generator: np.random.Generator) -> int:

@@ -19,7 +19,7 @@ from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.seeds import points_inside
 from voxgran.packing.compress import begun_compression, finished_compression
-from voxgran.packing.jamming.method import CompressState, advance, compressor_of, cost, grains_at_random
+from voxgran.packing.jamming.method import CompressState, advance, as_many, compressor_of, cost_of, grains_at_random
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -85,7 +85,7 @@ def _many(problem: Problem) -> int:
     room = (settings.solid_fraction or usual_solid_fraction(problem)) * container.volume * away
     if settings.height is not None:
         room *= problem.length(settings.height) / float(np.ptp(container.bounds, axis=0)[container.dimension - 1])
-    return max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
+    return as_many(problem, room)
 
 
 def _loose(problem: Problem) -> Problem:
@@ -131,7 +131,7 @@ registration = followed(
         prepare=prepare,
         advance=advance,
         finish=finish,
-        cost=cost,
+        cost=lambda problem: cost_of(_many(problem.apart)),
         tilted=True,
         dimensions=(2, 3),
         stretches=True,
