@@ -280,5 +280,6 @@ def test_a_bed_of_an_asked_solid_fraction_has_as_many_grains_as_fill_it():
     box = {"kind": "box", "lengths": [20, 20, 10], "periodic": "xy"}
     scene = {"shape": [{"family": "sphere"}], "container": box}
     bed = {"method": "gravity", "height": 8.0}
-    found = [vg.Scene.from_mapping({**scene, "packing": {**bed, "solid_fraction": share}}).plan() for share in (0.5, 0.6)]
-    assert found[1].grains / found[0].grains == pytest.approx(1.2, rel=0.01)
+    plans = (vg.Scene.from_mapping({**scene, "packing": {**bed, "solid_fraction": x}}).plan() for x in (0.5, 0.6))
+    loose, dense = (plan.grains for plan in plans)
+    assert dense / loose == pytest.approx(1.2, rel=0.01)
