@@ -23,7 +23,7 @@ from voxgran._base.units import NO_UNIT
 from voxgran.containers.model import Container, check_container, doubt_about
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.geometry.orientation_laws.law import OrientationLaw
-from voxgran.packing.beds.expected import tell_of_bed
+from voxgran.packing.beds.expected import tell_of_bed, warn_of_height
 from voxgran.packing.compress import warn_of_imbalance
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
@@ -205,7 +205,8 @@ def pack(
     -----
     PackingWarning
         If neither the count nor the solid fraction is reached, grains cannot fit, rows of a list find no room, the
-        search takes minutes, or a bed of a solid fraction that is asked for is expected to have no bulk.
+        search takes minutes, a bed of a solid fraction that is asked for is expected to have no bulk, or the surface of
+        a bed is more than a tenth from the height that is asked for.
 
     Examples
     --------
@@ -231,6 +232,7 @@ def pack(
     warn_of_misses(task, packing)
     warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
+    warn_of_height(task, packing)
     warn_of_imbalance(packing)
     return packing
 
