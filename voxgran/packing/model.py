@@ -320,9 +320,8 @@ class Packing(GrainSequence):
         Parameters
         ----------
         gap : float, optional
-            Largest distance of the surfaces, in the unit of lengths, at least 0; default: `contact_gap`. Surfaces that
-            are farther apart by 1e-9 mean diameters, the tolerance of :meth:`verify`, count too: grains that touch have
-            gaps of that size by rounding.
+            Largest distance of the surfaces, in the unit of lengths, at least 0; default: `contact_gap`. It is exceeded
+            by 1e-9 mean diameters, the tolerance of :meth:`verify`: grains that touch are so far apart by rounding.
 
         Returns
         -------

@@ -280,13 +280,9 @@ def prepare_task(request: Request) -> Task:
     none_asked = begun is not None and count is None and (solid_fraction is None or (scaled and not given))
     none_asked = none_asked and getattr(settings, "height", None) is None
     drawn = replace(
-        request,
-        shapes=given or (() if begun is None else begun.shapes),
-        container=room,
-        count=0 if none_asked else count,
-        solid_fraction=solid_fraction,
-        grains=listed,
-    )
+        request, shapes=given or (() if begun is None else begun.shapes), container=room, grains=listed,
+        count=0 if none_asked else count, solid_fraction=solid_fraction,
+    )  # fmt: skip
     own_shapes = getattr(settings, "own_shapes", False)
     grains = draw_grains(
         drawn, surplus=entry.selects, stretches=entry.stretches, sizing=entry.sizing, own_shapes=own_shapes
