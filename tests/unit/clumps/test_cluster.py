@@ -49,7 +49,7 @@ def test_more_spheres_are_never_a_worse_cluster(solid):
     """The clusters of fewer spheres are among those of more, and none is cut through spheres that are alike."""
     clumps = [vg.fit_clump(solid, method="cluster", max_spheres=n) for n in (8, 27, 30, 50, 64, 70)]
     assert all(8 <= clump.count <= n for clump, n in zip(clumps, (8, 27, 30, 50, 64, 70), strict=True))
-    found = [float(clump.errors.intersection_over_union) for clump in clumps]
+    found = [float(clump.errors.iou) for clump in clumps]
     # the errors of the clump are counted in other voxels
     assert (np.diff(found) > -0.004).all()
     assert vg.fit_clump(solid, method="cluster", max_spheres=5).count == 5
