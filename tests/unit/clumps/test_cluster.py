@@ -52,7 +52,7 @@ def test_more_spheres_are_never_a_worse_cluster(solid):
     found = [float(clump.errors.iou) for clump in clumps]
     # the errors of the clump are counted in other voxels
     assert (np.diff(found) > -0.004).all()
-    assert vg.fit_clump(solid, method="cluster", max_spheres=5).count == 5
+    assert 1 <= vg.fit_clump(solid, method="cluster", max_spheres=5).count <= 5
 
 
 def test_the_cluster_of_a_cube_has_all_its_corners():

@@ -7,9 +7,9 @@ is at most sqrt(2) radii.
 If the radius is omitted, many radii and positions of the lattice are tried. Of each, clusters of the deepest points are
 formed, of at most as many as asked; points of one depth, as those that are alike by symmetry, are in a cluster all or
 none. The cluster of largest intersection over union with the solid is taken, counted in voxels: it may have fewer
-spheres than asked, but at least eight, two along each axis. The radii do not depend on the number, so that all clusters
-of fewer spheres are among those of more, and from eight on the intersection over union never falls with the number. If
-the radius is given, all points inside are kept.
+spheres than asked, but at least eight, two along each axis, if so many are asked. The radii do not depend on the
+number, so that all clusters of fewer spheres are among those of more, and from eight on the intersection over union
+never falls with the number. If the radius is given, all points inside are kept.
 
 The surface of such a cluster is rough: between neighbouring spheres of radius r at spacing s there are grooves of depth
 r - sqrt(r^2 - s^2 / 4), that is 0.08 r at the spacing 0.8 r. Roughness is that depth. It falls with the radius and, for
@@ -52,7 +52,7 @@ CELL = {"cubic": 1.0, "hexagonal": math.sqrt(0.5)}
 NEIGHBOURS = {"cubic": 6, "hexagonal": 12}
 #: number of positions of the lattice that are tried
 PLACES = 12
-#: fewest spheres of a cluster, unless fewer are asked: one sphere is often nearer to a round solid, and no cluster
+#: fewest spheres of a cluster, where so many are asked: one sphere is often nearer to a round solid, and no cluster
 FEWEST = 8
 #: smallest and largest radius, relative to that of spheres whose cells have the volume of the solid
 SMALL, LARGE = 0.45, 1.1
@@ -100,8 +100,8 @@ class Cluster:
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.Cluster(), max_spheres=4).count
-    4
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 1)), method=vg.clumps.Cluster(), max_spheres=50).count
+    27
     """
 
     radius: float | None = parameter(None, unit="equivalent diameters", at_least=LEAST, at_most=0.5)
@@ -217,7 +217,7 @@ class _Cluster:
         """Note where clusters of the deepest points of a lattice have the least error of those of their numbers."""
         points, order, depth = self._deepest(radius, k)
         ends = np.flatnonzero(np.diff(depth, append=-np.inf)) + 1
-        ends = ends[(ends >= min(FEWEST, self.count)) & (ends <= self.count)]
+        ends = ends[(ends >= (FEWEST if self.count >= FEWEST else 1)) & (ends <= self.count)]
         ends = ends[depth[ends - 1] >= (self.settings.inside or 0.0) * radius]
         if not len(ends):
             return
