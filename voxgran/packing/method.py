@@ -51,6 +51,10 @@ METHODS = {
 PACKING_BYTES = 120 * 2**20
 #: what a warning says of a method that has no room for all grains
 NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
+NO_ROOM_ON_LATTICE = (
+    "no grain finds room between voxels any more; give a smaller voxel_size, ask for less, or take smaller grains or a "
+    "larger container"
+)
 #: expected seconds from which on a run with default voxels says before it starts that it takes long
 LONG_RUN = 30.0
 
