@@ -143,8 +143,9 @@ def _is_needle(geometry: Geometry) -> bool:
     """Return whether a geometry is a box of an aspect at which the search by support points loses its digits, and its
     triangles keep them.
     """
-    box = isinstance(geometry, Primitive) and geometry.kind == "box"
-    return box and max(geometry.dimensions) > NEEDLE * min(geometry.dimensions)
+    if not (isinstance(geometry, Primitive) and geometry.kind == "box"):
+        return False
+    return max(geometry.dimensions) > NEEDLE * min(geometry.dimensions)
 
 
 def is_closed_surface(geometry: Geometry) -> bool:

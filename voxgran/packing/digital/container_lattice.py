@@ -68,7 +68,7 @@ def _usual_voxel_size(problem: Problem) -> float:
     size, seconds = problem.parameters.usual_voxel_size, getattr(problem.parameters, "expected_seconds", None)
     while seconds is not None and size < COARSEST and seconds(problem, size) > LONG:
         size = min(1.1 * size, COARSEST)
-    finer = size * libm.power(1.05, -np.arange(NARROW))
+    finer = size * libm.power(1.05, -np.arange(float(NARROW)))
     return next((float(smaller) for smaller in finer if _has_places(problem, float(smaller))), float(size))
 
 
