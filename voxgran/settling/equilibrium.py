@@ -198,18 +198,18 @@ def equilibrium(
         return _stress_dataset(packing, bed, held, given)
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
     with using_threads(threads):
-        known = None
-        if forces is not None and forces.stress is None:
-            bed.find(gap, 0.0)
-            keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
-            known = _balance_of(bed, bed.forces(), tolerance)
         if given["friction"] > 0.0:
             _guess_forces(bed, rub, gap)
+        elif forces is not None:
+            bed.find(gap, 0.0)
+            keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
         found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
-        if known is not None and known.rests.sum() > found.rests.sum():
+        if forces is not None and forces.stress is None and not found.rests.all():
             # the search converges slowly where grains are slender; any forces that balance them are a proof
-            bed.keep_forces(known.forces)
-            found = replace(known, undecided=found.undecided & ~known.rests, iterations=found.iterations)
+            keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
+            known = _balance_of(bed, bed.forces(), tolerance)
+            if known.rests.sum() > found.rests.sum():
+                found = replace(known, undecided=found.undecided & ~known.rests, iterations=found.iterations)
     return _dataset(packing, bed, found, given)
 
 
