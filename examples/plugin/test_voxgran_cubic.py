@@ -8,4 +8,3 @@ class TestCubic(PackingMethodSuite):
 
     method = "cubic"
     parameters = {"gap": 0.05}  # noqa: RUF012
-    takes_start = False

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.config import check_bounds, parameter
-from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import random_rotations
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -39,8 +38,6 @@ def sites_of(problem):
 
 def prepare(problem):
     """Return the state before the first attempt: one grain on each site, in a random order."""
-    if problem.start is not None:
-        raise InputError("start is given: method 'cubic' begins with an empty container; leave it out")
     order = stream(problem.seed, "order").permutation(problem.count)
     return State({"order": order}, {}, total=problem.count, stop_reason="" if problem.count else "count")
 

@@ -36,8 +36,6 @@ SPHERES_ONLY = ("multilayer",)
 RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another
 CONTAINERS = {"apollonian": vg.Sphere(2.0)}
-#: methods that take no start
-FROM_NOTHING = ("compress", "apollonian", "multilayer", "voronoi_fill")
 #: methods that `make test` kills, too: one of each way to walk on, which is all that a checkpoint depends on
 KILLED = ("digital", "gravity", "rsa")
 #: what of the suite is about grains of a start that stay
@@ -117,7 +115,6 @@ def slowly(test):
 def suite_of(title):
     """Return the class of tests of a method, a variant or a stage."""
     members = {"title": title, "method": title.partition(",")[0], "parameters": quick(title), "__module__": __name__}
-    members["takes_start"] = title not in FROM_NOTHING
     if title not in KILLED:
         killed = slowly(PackingMethodSuite.test_killed_and_resumed_to_the_same_bits)
         members["test_killed_and_resumed_to_the_same_bits"] = killed

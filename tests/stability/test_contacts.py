@@ -11,7 +11,7 @@ from voxgran.contacts.verify import verify
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
-from voxgran.geometry.rotation import random_rotations
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -162,3 +162,20 @@ def test_walls_far_larger_than_the_grains():
     escape = escape_depths(small)
     assert (escape < -4.9e5).all()
     assert np.isfinite(escape).all()
+
+
+@pytest.mark.parametrize("width", [1e-9, 1e-7, 1e-4])
+def test_boxes_that_cross_by_a_tenth_of_their_width_are_told_from_those_a_tenth_apart(width):
+    """Needles of any aspect: the search by support points loses the width beyond an aspect of ten million."""
+    needle = Shape.of(Primitive("box", (width, width, 1.0)), name="needle")
+    for seed in range(12):
+        generator = stream(seed, "needles")
+        turns = random_rotations(generator, 2)
+        (*one, along), (*two, across) = (matrix.T for matrix in rotation_matrices(turns))
+        normal = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+        reach = sum(0.5 * width * abs(axis @ normal) for axis in (*one, *two))
+        first, second = generator.uniform(-0.4, 0.4, 2)
+        for depth in (0.1 * width, -0.1 * width):
+            places = [-first * along, (reach - depth) * normal - second * across]
+            pair = Assembly.of([needle], Box((6, 6, 6), origin=(-3, -3, -3)), position=places, orientation=turns)
+            assert verify(pair).ok == (depth < 0), (seed, depth)

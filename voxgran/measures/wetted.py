@@ -41,8 +41,11 @@ Parts: TypeAlias = tuple[Floats, Floats, Floats, Integers]
 Partner: TypeAlias = tuple[int, Floats, bool]
 
 
-def specific_surfaces(packing: Packing) -> dict[str, Any]:
-    """Return the variables of the surfaces over the volume of the container, in 2D of outlines over its area."""
+def specific_surfaces(packing: Packing, bed: Estimate | None = None) -> dict[str, Any]:
+    """Return the variables of the surfaces over the volume of the container, in 2D of outlines over its area.
+
+    With the solid fraction of a bed, they are over the volume of the bed: that of the grains over this fraction.
+    """
     unit = length_unit(packing, power=-1)
     kind = "volume" if packing.dimension == 3 else "area"
     texts = {
@@ -53,9 +56,17 @@ def specific_surfaces(packing: Packing) -> dict[str, Any]:
     }
     if "surfaces" not in packing._found:
         packing._found["surfaces"] = _surfaces(packing)
-    room = free_volume(packing)
+    room, where = Estimate(free_volume(packing)), "container"
+    if bed is not None and bed > 0:
+        held = float(packing.volumes.sum())
+        room, where = Estimate(held / bed, held * bed.error / bed**2), "bed"
+
+    def error(found: Estimate) -> float:
+        """Return the error of a surface over the volume."""
+        return (found.error + found / room * room.error) / room
+
     return {
-        name: variable((), found / room, unit, f"{text} over {kind} of the container", error=found.error / room)
+        name: variable((), found / room, unit, f"{text} over {kind} of the {where}", error=error(found))
         for (name, text), found in zip(texts.items(), packing._found["surfaces"], strict=True)
     }
 

@@ -250,27 +250,21 @@ def joined(start: Packing, grains: DrawnGrains, *, earlier: int) -> DrawnGrains:
 
 
 def scaled_to(
-    grains: DrawnGrains,
-    shapes: Sequence[Shape],
-    container: Container,
-    solid_fraction: float,
-    *,
-    given: int,
-    fixed: int = 0,
+    grains: DrawnGrains, shapes: Sequence[Shape], container: Container, solid_fraction: float, *, given: int, kept: int
 ) -> DrawnGrains:
     """Return grains with a common factor on their diameters that meets a solid fraction.
 
     Grains after the first `given` were drawn until their volume reached that of the solid fraction: the last of them is
-    left out where the factor is then nearer to 1. The first `fixed` ones keep their sizes and take no part.
+    left out where the factor is then nearer to 1. The first `kept` ones keep their sizes and take no part.
     """
     volumes, target = _volumes(shapes, grains.shape_id, grains.diameter), container.volume * solid_fraction
-    volumes[:fixed] = 0.0
+    volumes[:kept] = 0.0
     total = float(volumes.sum())
     if len(volumes) > max(given, 1) and total / target > target / (total - volumes[-1]):
         total -= float(volumes[-1])
         grains = replace(grains, shape_id=grains.shape_id[:-1], diameter=grains.diameter[:-1])
     factor = (target / total) ** (1.0 / container.dimension) if total > 0.0 else 1.0
-    return replace(grains, diameter=grains.diameter * np.where(np.arange(len(grains.diameter)) < fixed, 1.0, factor))
+    return replace(grains, diameter=grains.diameter * np.where(np.arange(len(grains.diameter)) < kept, 1.0, factor))
 
 
 def _refuse_denser_than_lattice(

@@ -51,6 +51,10 @@ METHODS = {
 PACKING_BYTES = 120 * 2**20
 #: what a warning says of a method that has no room for all grains
 NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
+NO_ROOM_ON_LATTICE = (
+    "no grain finds room between voxels any more; give a smaller voxel_size, ask for less, or take smaller grains or a "
+    "larger container"
+)
 #: expected seconds from which on a run with default voxels says before it starts that it takes long
 LONG_RUN = 30.0
 
@@ -63,7 +67,7 @@ class Cost:
     --------
     >>> from voxgran.packing.method import Cost
     >>> Cost(memory=10**6, attempts=100)
-    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0, seconds=0.0)
+    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0, seconds=0.0, grains=None)
     """
 
     memory: int  # estimated bytes at the peak, without the libraries
@@ -73,6 +77,8 @@ class Cost:
     sampled_shapes: int = 0
     # expected CPU time on a usual core; 0 where it is not known
     seconds: float = 0.0
+    # grains that are expected to have room, of which the method takes no more; None where it tries all that are drawn
+    grains: int | None = None
 
 
 class RunState(Protocol):
@@ -209,6 +215,12 @@ class PackingMethod:
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
     keeps_sizes : bool
         Whether a method that scales sizes keeps those of a count, so that it places the grains of a list.
+    start : {"refused", "placed", "moved", "scaled"}
+        What it makes of the grains of a start, which come first in the result: it refuses them; leaves them in place,
+        on a lattice as near as voxels have room; moves them as it moves all grains, and keeps their sizes; or
+        multiplies the sizes of all grains by one factor.
+    no_start : str
+        What the message says of a method that refuses a start: why.
     obstacles : {"refused", "placed", "apart"}
         How it packs around fixed grains: not at all; as the first grains of the start, which it leaves in place; or as
         a part of the container, which :func:`voxgran.packing.obstacles.around_obstacles` makes of them.
@@ -243,6 +255,8 @@ class PackingMethod:
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False
+    start: Literal["refused", "placed", "moved", "scaled"] = "refused"
+    no_start: str = "begins with an empty container"
     obstacles: Literal["refused", "placed", "apart"] = "refused"
     no_obstacles: str = "has no place for them"
     no_room: str = NO_ROOM
@@ -313,6 +327,24 @@ def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Co
         raise InputError(
             f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
+        )
+
+
+def refuse_begun(method: PackingMethod, start: Packing) -> None:
+    """Refuse a start with grains where the method begins with none.
+
+    Raises
+    ------
+    InputError
+        If it is so.
+    """
+    many = int(start.movable.sum())
+    if method.start == "refused" and many:
+        registry = method_registry()
+        others = [name for name in registry.names() if registry.get(name).start != "refused"]
+        raise InputError(
+            f"start has {many} grains, and method {method.name!r} {method.no_start}: leave start out, or give a "
+            f"method that begins with grains, one of {', '.join(others)}"
         )
 
 

@@ -10,6 +10,7 @@ from voxgran._base.errors import PackingWarning, numbered, warn
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import DECIMALS, Problem, too_coarse
+from voxgran.packing.start import free_volume
 from voxgran.shapes.sizes import SizeDistribution, size_distance
 
 #: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
@@ -40,24 +41,34 @@ def ended_by_solid_fraction(task: Task) -> bool:
     return solid_fraction is not None and (count is None or drawn < count)
 
 
+def _of_further(task: Task) -> bool:
+    """Return whether the solid fraction is that of the grains after those of a start: always but where these are scaled
+    to it, since there are no others.
+    """
+    return task.method.sizing != "scaled" or task.problem.count > task.problem.started
+
+
 def misses(task: Task, packing: Packing) -> dict[str, float]:
     """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number.
 
-    The count and the solid fraction are met together, by whichever comes first. Where the grains grew at the end, all
+    The count and the solid fraction are those of the grains after those of a start, as far as there are any. They are
+    met together, by whichever comes first. Where the grains grew at the end, all
     of this is said of the packing before: its sizes and its solid fraction were asked for.
     """
     growth, started = packing.provenance.get("growth"), task.problem.started
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
     drawn = task.problem.count - started
     wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
-    if task.method.sizing != "drawn" and count is None and task.problem.start is None:
+    if count is None and (solid_fraction is None or task.method.sizing != "drawn"):
+        # as many as have room, or as the method makes
         wanted = packing.count - started
     missed: dict[str, float] = {"count": wanted - (packing.count - started)}
     if solid_fraction is not None:
         reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
-        if task.method.sizing != "scaled":
-            begun = task.problem.volumes[task.problem.fixed : started].sum()
-            reached -= float(begun / task.problem.apart.container.volume)
+        if _of_further(task):
+            # sizes after a growth are others than those of the start
+            begun = (packing.volumes if growth is None else task.problem.volumes)[task.problem.fixed : started].sum()
+            reached -= float(begun / (free_volume(packing) if growth is None else task.problem.apart.container.volume))
         missed["solid_fraction"] = max(0.0, float(solid_fraction) - reached)
         # differences of rounding are none
         if missed["solid_fraction"] <= 1e-12:
@@ -87,7 +98,8 @@ def warn_of_misses(task: Task, packing: Packing) -> None:
         parts.append(f"{placed} of {asked['count']} grains were placed{rows} before {STOPPED.format(reason)}")
     if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
         reached = asked["solid_fraction"] - missed["solid_fraction"]
-        parts.append(f"the solid fraction is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
+        of = " of the grains after those of the start" if task.problem.start is not None and _of_further(task) else ""
+        parts.append(f"the solid fraction{of} is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
         if len(parts) == 1:
             parts[0] += f" where {STOPPED.format(reason)}"
     if parts and reason != "interrupted":

@@ -20,7 +20,7 @@ from voxgran.contacts.assembly import as_density, checked_arrays, common_shapes
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.model import Contacts
-from voxgran.contacts.verify import Verification, verify
+from voxgran.contacts.verify import TOLERANCE, Verification, verify
 from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
@@ -320,7 +320,8 @@ class Packing(GrainSequence):
         Parameters
         ----------
         gap : float, optional
-            Largest distance of the surfaces, in the unit of lengths, at least 0; default: `contact_gap`.
+            Largest distance of the surfaces, in the unit of lengths, at least 0; default: `contact_gap`. It is exceeded
+            by 1e-9 mean diameters, the tolerance of :meth:`verify`: grains that touch are so far apart by rounding.
 
         Returns
         -------
@@ -340,12 +341,13 @@ class Packing(GrainSequence):
         """
         reach = self.contact_gap if gap is None else as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:
+            near = reach + (TOLERANCE * float(self.diameters.mean()) if self.count else 0.0)
             # those of a larger gap hold them
             wider = [self._contacts[known] for known in sorted(self._contacts) if known > reach]
-            self._contacts[reach] = wider[0].where(wider[0].gap <= reach) if wider else find_contacts(self, reach)
+            self._contacts[reach] = wider[0].where(wider[0].gap <= near) if wider else find_contacts(self, near)
         return self._contacts[reach]
 
-    def verify(self, *, tolerance: float = 1e-9) -> Verification:
+    def verify(self, *, tolerance: float = TOLERANCE) -> Verification:
         """Return whether grains overlap or leave the container, as :func:`voxgran.verify`.
 
         Examples

@@ -23,11 +23,19 @@ from voxgran._base.units import NO_UNIT
 from voxgran.containers.model import Container, check_container, doubt_about
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.geometry.orientation_laws.law import OrientationLaw
-from voxgran.packing.beds.expected import tell_of_bed
+from voxgran.packing.beds.expected import tell_of_bed, warn_of_height
 from voxgran.packing.compress import warn_of_imbalance
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
-from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
+from voxgran.packing.method import (
+    PackingMethod,
+    RunState,
+    check_cost,
+    method_registry,
+    refuse_begun,
+    refuse_list,
+    refuse_unfit,
+)
 from voxgran.packing.missed import Task, ended_by_solid_fraction, misses, warn_of_misses
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, with_density_of
@@ -120,7 +128,10 @@ def pack(
         Grains that are there from the beginning, and may touch: at their places, on a lattice as near to them as voxels
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
         `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
-        have those of the start. Fixed grains among them are obstacles, and come first.
+        have those of the start. Sizes of the start stay, but for ``jam``, which multiplies all by one factor, and for
+        ``expand`` without `shapes`, which makes the grains of the start meet the solid fraction. The height and the
+        solid fraction of ``gravity`` are those of the whole bed. ``apollonian``, ``compress``, ``multilayer`` and
+        ``voronoi_fill`` refuse a start. Fixed grains among them are obstacles, and come first.
     obstacles : Packing, optional
         Grains that stand in the container and never move, whatever the container and the density that they have: one
         shape, as of ``Packing.of(shape, container, position=[...])``, or a whole bed. They are the first grains of the
@@ -194,7 +205,8 @@ def pack(
     -----
     PackingWarning
         If neither the count nor the solid fraction is reached, grains cannot fit, rows of a list find no room, the
-        search takes minutes, or a bed of a solid fraction that is asked for is expected to have no bulk.
+        search takes minutes, a bed of a solid fraction that is asked for is expected to have no bulk, or the surface of
+        a bed is more than a tenth from the height that is asked for.
 
     Examples
     --------
@@ -220,6 +232,7 @@ def pack(
     warn_of_misses(task, packing)
     warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
+    warn_of_height(task, packing)
     warn_of_imbalance(packing)
     return packing
 
@@ -247,6 +260,7 @@ def prepare_task(request: Request) -> Task:
     given, container, unit = in_one_unit(given, request.container, unit_of(request))
     if start is not None:
         check_start(start, container.dimension)
+        refuse_begun(entry, start)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
     refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
     begun = start
@@ -266,13 +280,9 @@ def prepare_task(request: Request) -> Task:
     none_asked = begun is not None and count is None and (solid_fraction is None or (scaled and not given))
     none_asked = none_asked and getattr(settings, "height", None) is None
     drawn = replace(
-        request,
-        shapes=given or (() if begun is None else begun.shapes),
-        container=room,
-        count=0 if none_asked else count,
-        solid_fraction=solid_fraction,
-        grains=listed,
-    )
+        request, shapes=given or (() if begun is None else begun.shapes), container=room, grains=listed,
+        count=0 if none_asked else count, solid_fraction=solid_fraction,
+    )  # fmt: skip
     own_shapes = getattr(settings, "own_shapes", False)
     grains = draw_grains(
         drawn, surplus=entry.selects, stretches=entry.stretches, sizing=entry.sizing, own_shapes=own_shapes
@@ -283,8 +293,10 @@ def prepare_task(request: Request) -> Task:
         grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:
-        kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
-        grains = scaled_to(grains, given, room, solid_fraction, given=kept, fixed=number_fixed(start))
+        # grains of a start keep their sizes, unless there are no others
+        kept = number_fixed(start) if none_asked or start is None else start.count
+        given_many = len(grains.diameter) if count is not None or none_asked else kept
+        grains = scaled_to(grains, given, room, solid_fraction, given=given_many, kept=kept)
     problem = normalized_problem(
         *(given, container, grains, settings), seed=request.seed, start=start, unit=unit, density=density,
         asked_count=asked["count"], asked_fraction=asked["solid_fraction"],

@@ -55,7 +55,7 @@ class Plan(ExplainedAttributes):
     Attributes
     ----------
     grains : int
-        Grains that are asked for.
+        Grains that are asked for or, without a number, that are drawn or expected to have room.
     solid_fraction : float
         Their volume over that of the container.
     memory : int
@@ -70,6 +70,8 @@ class Plan(ExplainedAttributes):
         Libraries that will be loaded.
     makes_sizes : bool
         Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
+    expected : bool
+        Whether no number of grains is asked for, and the method takes as many as it expects to have room.
     amount_asked : bool
         Whether the scene has a count or a solid fraction.
     depth : float or None
@@ -96,6 +98,7 @@ class Plan(ExplainedAttributes):
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
     makes_sizes: bool = False
+    expected: bool = False
     amount_asked: bool = True
     depth: float | None = None
     bulk_grains: int | None = None
@@ -107,7 +110,9 @@ class Plan(ExplainedAttributes):
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
         grains = f"{self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container"
-        if not self.amount_asked:
+        if self.expected:
+            grains = f"{self.grains}, as many as are expected to have room: {self.solid_fraction:.3f} of the container"
+        elif not self.amount_asked:
             grains = f"{self.grains} drawn, with the volume of the container: those that find room are packed"
         if self.makes_sizes:
             grains = f"at most {self.grains}, of sizes that the method makes"
@@ -150,14 +155,18 @@ def make_plan(scene: SceneDescription) -> Plan:
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
+    many = free.count
+    if cost.grains is not None and task.asked["count"] is None:
+        many = min(many, cost.grains)
     return Plan(
-        grains=free.count,
-        solid_fraction=float(free.volumes.sum() / free.container.volume),
+        grains=many,
+        expected=many < free.count,
+        solid_fraction=float(free.volumes[:many].sum() / free.container.volume),
         memory=memory,
         attempts=cost.attempts,
         voxelized_shapes=cost.voxelized_shapes,
         sampled_shapes=cost.sampled_shapes,
-        **_steps(scene, task),
+        **_steps(scene, task, many),
         makes_sizes=task.method.sizing == "made",
         amount_asked=_amount_asked(scene),
         depth=None if bed is None else bed.depth,
@@ -316,7 +325,7 @@ def _compression_step(scene: SceneDescription, task: Task) -> list[str]:
     return [f"compress them along {compression.axes} {how}"]
 
 
-def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
+def _steps(scene: SceneDescription, task: Task, many: int) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
     most = max(map(_spheres_of, clumps), default=0)
@@ -328,7 +337,7 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     if scene.twin is not None:
         computed.append(f"learn the shapes of {len(scene.twin.request.sample.shapes)} grains of the sample")
     bound = "at most " if task.method.sizing == "made" else ""
-    computed += [f"pack {bound}{task.problem.count} grains by {scene.method}"]
+    computed += [f"pack {bound}{many} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:
         share, shapes = (
             f"until at least {settling.rest:.1%} of them rest",

@@ -43,6 +43,8 @@ ACCURACY = 0.1
 LEAST, MOST = 1e-60, 1e60
 #: distance in median diameters within which the point of a contact is that of a known force
 SAME = 1e-6
+#: known contacts that are looked at beside a contact
+NEIGHBOURS = 8
 
 
 def pressed_forces(
@@ -290,19 +292,31 @@ def keep_known_forces(bed: Bed, known: ContactForces, friction: float | Friction
 
 
 def _forces_at(bed: Bed, known: ContactForces) -> Floats:
-    """Return the known forces at the contacts of a bed, (m, 3); 0 where none is known of the same bodies at a point."""
+    """Return the known forces at the contacts of a bed, (m, 3); 0 where none is known of the same bodies at a point.
+
+    Each known force is that of one contact: of several that are as near, as where thin grains touch, the nearest one.
+    """
     row, found = bed.rows.row[: bed.m], np.zeros((bed.m, 3))
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     if not known.count or not bed.m:
         return found
-    tree = load("scipy.spatial").cKDTree(known.point)
-    for turned in (False, True):
+    # of contacts at one place those of the same direction are the nearest
+    tree = load("scipy.spatial").cKDTree(np.column_stack([known.point, SAME * known.normal]))
+    rows: list[Floats] = []
+    for sign, first, second in ((1.0, known.i, known.j), (-1.0, known.j, known.i)):
         # a contact may be listed from its other side, and so near another periodic image
-        grain, arm = (np.maximum(j, 0), ARM_J) if turned else (i, ARM_I)
+        grain, arm = (i, ARM_I) if sign > 0.0 else (np.maximum(j, 0), ARM_J)
         at = bed.assembly.position[grain] + row[:, arm : arm + 3]
-        distance, near = tree.query(at, distance_upper_bound=SAME)
-        near = np.where(np.isfinite(distance), near, 0)
-        first, second = (known.j, known.i) if turned else (known.i, known.j)
-        same = np.isfinite(distance) & (first[near] == i) & (second[near] == j)
-        found[same] = known.force[near[same]] * (-1.0 if turned else 1.0)
+        key = np.column_stack([at, sign * SAME * row[:, NORMAL : NORMAL + 3]])
+        distance, near = tree.query(key, min(NEIGHBOURS, known.count), distance_upper_bound=SAME)
+        distance, near = distance.reshape(bed.m, -1), near.reshape(bed.m, -1)
+        at_hand = np.isfinite(distance)
+        near = np.where(at_hand, near, 0)
+        own, rank = np.nonzero(at_hand & (first[near] == i[:, None]) & (second[near] == j[:, None]))
+        rows.append(np.column_stack([distance[own, rank], own, near[own, rank], np.full(len(own), sign)]))
+    pairs, taken, used = np.concatenate(rows), np.zeros(bed.m, np.bool_), np.zeros(known.count, np.bool_)
+    for _, own, one, sign in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
+        if not taken[int(own)] and not used[int(one)]:
+            taken[int(own)] = used[int(one)] = True
+            found[int(own)] = sign * known.force[int(one)]
     return found

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -30,7 +31,7 @@ def test_equal_spheres_at_lattice_points_cover_the_inside(eros, lattice):
     body = Body(eros)
     found = fit(body, 80, Cluster(lattice=lattice), 0)
     radius = found.radii[0]
-    assert len(found.radii) == 80
+    assert 8 <= len(found.radii) <= 80
     assert np.ptp(found.radii) == 0
     apart = cKDTree(found.centers).query(found.centers, 2)[0][:, 1]
     assert np.allclose(apart, SPACING[lattice] * radius)
@@ -38,6 +39,31 @@ def test_equal_spheres_at_lattice_points_cover_the_inside(eros, lattice):
     deep = deep[body.depth(deep) > radius]
     assert len(deep) > 1000
     assert (cKDTree(found.centers).query(deep)[0] <= radius).all()
+
+
+SOLIDS = [vg.shapes.box(lengths=(1, 1, 1)), slow(vg.shapes.box(lengths=(1, 1.5, 2))), slow(vg.make_shape("platonic"))]
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+def test_more_spheres_are_never_a_worse_cluster(solid):
+    """The clusters of fewer spheres are among those of more, and none is cut through spheres that are alike."""
+    clumps = [vg.fit_clump(solid, method="cluster", max_spheres=n) for n in (8, 27, 30, 50, 64, 70)]
+    assert all(8 <= clump.count <= n for clump, n in zip(clumps, (8, 27, 30, 50, 64, 70), strict=True))
+    found = [float(clump.errors.iou) for clump in clumps]
+    # the errors of the clump are counted in other voxels
+    assert (np.diff(found) > -0.004).all()
+    assert 1 <= vg.fit_clump(solid, method="cluster", max_spheres=5).count <= 5
+
+
+def test_the_cluster_of_a_cube_has_all_its_corners():
+    for n in (30, 50, 100):
+        clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 1)), method="cluster", max_spheres=n)
+        centers = clump.centers - clump.centers.mean(axis=0)
+        # each corner has a sphere, and reflections leave the cluster as it is
+        assert (np.abs(np.abs(centers).max(axis=1) - np.abs(centers).max()) < 1e-9).sum() >= 8
+        for axis in np.eye(3):
+            reflected = centers * (1 - 2 * axis)
+            assert cKDTree(centers).query(reflected)[0].max() < 1e-9
 
 
 def test_all_points_inside_are_kept_for_a_given_radius():

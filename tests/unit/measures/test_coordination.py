@@ -75,6 +75,14 @@ def test_the_curve_starts_at_contact():
     assert (found.mean == 1.0).all()
 
 
+@pytest.mark.parametrize("method", ["deposition", "advancing_front", "growth", "random_apollonian"])
+def test_grains_that_touch_by_construction_are_in_contact(method):
+    packing = pack(BALL, Box((4, 4, 5)), method, count=40, seed=1)
+    every = packing.contacts(gap=1e-7 * packing.diameters.mean()).count
+    assert packing.contacts().count == packing.contacts(gap=0.0).count == every > 0
+    assert coordination_number(packing, [0.0]).mean[0] == pytest.approx(2 * every / packing.count)
+
+
 def test_contacts_are_found_once():
     packing = row(0.001)
     tree = measure(packing, which=["contacts", "coordination"])

@@ -12,8 +12,9 @@ from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.kinds.sphere import Sphere
 from voxgran.measures.model import measure
-from voxgran.measures.registered.profile import DOUBT, WINDOW, axis_profile, wall_profile
+from voxgran.measures.registered.profile import DOUBT, WINDOW, axis_profile, cylinder_profiles, wall_profile
 from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -44,7 +45,7 @@ def test_the_mean_is_the_solid_fraction(axis):
 
 
 def test_disks_along_both_axes():
-    packing = Packing.of([DISK], Rectangle((2, 1)), position=[[0.5, 0.5, 0], [1.5, 0.5, 0]])
+    packing = Packing.of([DISK], Rectangle((2, 1)), position=[[0.5, 0.5, 0], [1.5, 0.5, 0]], **FREE)
     along = axis_profile(packing, "x", bins=4).solid_fraction
     assert along == pytest.approx([math.pi / 4] * 4, rel=1e-13)
     with pytest.raises(InputError, match="axis is 'z'"):
@@ -52,7 +53,7 @@ def test_disks_along_both_axes():
 
 
 def test_a_cylinder_is_narrower_at_its_sides():
-    packing = Packing.of([BALL], Cylinder(1, 1), position=[[0, 0, 0.5]])
+    packing = Packing.of([BALL], Cylinder(1, 1), position=[[0, 0, 0.5]], **FREE)
     profile = axis_profile(packing, "x", bins=2)
     assert profile.solid_fraction == pytest.approx([math.pi / 6 / math.pi] * 2, rel=1e-13)
     quarters = axis_profile(packing, "x", bins=4)
@@ -64,7 +65,7 @@ def test_a_cylinder_is_narrower_at_its_sides():
 def test_a_closed_mesh_is_cut_too():
     vertices, faces, _ = unit_box()
     turned = vertices @ np.array([[1, -1, 0], [1, 1, 0], [0, 0, math.sqrt(2)]]) / math.sqrt(2) * 4
-    packing = Packing.of([BALL], ClosedMesh(Shape.from_mesh(turned, faces, name="box")), position=[[0, 0, 0]])
+    packing = Packing.of([BALL], ClosedMesh(Shape.from_mesh(turned, faces, name="box")), position=[[0, 0, 0]], **FREE)
     profile = axis_profile(packing, "x", bins=2)
     assert profile.solid_fraction == pytest.approx([math.pi / 6 / 64] * 2, rel=1e-12)
 
@@ -106,7 +107,7 @@ def test_without_walls_there_is_none():
 
 
 def test_the_profiles_in_the_tree():
-    packing = Packing.of([BALL], Box((3, 3, 3)), position=[[1, 1, 1], [2, 2, 2]], unit="mm")
+    packing = Packing.of([BALL], Box((3, 3, 3)), position=[[1, 1, 1], [2, 2, 2]], unit="mm", **FREE)
     found = measure(packing, which=["profile"])["profiles"]
     assert found.x.attrs["units"] == "mm"
     assert found.solid_fraction_z.dims == ("z",)
@@ -118,7 +119,8 @@ def test_the_profiles_in_the_tree():
 def test_the_mass_density_where_densities_differ():
     """Heavy spheres lie below light ones: the mean over the container is the mass over its volume."""
     position = [(x + 0.5, y + 0.5, z + 0.5) for z in (0, 2) for x in range(3) for y in range(3)]
-    bed = Packing.of([BALL, BALL], Box((3, 3, 4)), position=position, shape_id=[0] * 9 + [1] * 9, density=(7800, 2500))
+    told = {"position": position, "shape_id": [0] * 9 + [1] * 9, **FREE}
+    bed = Packing.of([BALL, BALL], Box((3, 3, 4)), density=(7800, 2500), **told)
     tree = measure(bed, "profile")["profiles"]
     for axis in "xyz":
         assert float(tree[f"mass_density_{axis}"].mean()) == pytest.approx(bed.masses.sum() / 36)
@@ -156,3 +158,45 @@ def test_bins_that_are_asked_for_have_values_whatever_their_windows():
     assert np.isfinite(axis_profile(packing, "z", bins=9).solid_fraction).all()
     assert np.isnan(axis_profile(packing, "z").solid_fraction).all()
     assert np.isfinite(wall_profile(packing, step=0.1).solid_fraction).all()
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+@pytest.mark.parametrize("container", [Box((4, 4, 12)), Cylinder(2.5, 12), Box((4, 4, 12), periodic="xy")])
+def test_of_a_bed_the_room_above_it_is_part_of_no_profile_across_gravity(container):
+    bed = pack(BALL, container, "gravity", count=60, seed=1)
+    found = measure(bed, which=["density", "profile"])
+    room = float(found.bed_solid_fraction) * np.array([1.0, 1.0])
+    for axis, wanted in zip("xy", room, strict=True):
+        profile = axis_profile(bed, axis, bins=1)
+        assert profile.solid_fraction[0] == pytest.approx(wanted, rel=1e-9)
+    # along gravity the whole container is shown
+    assert axis_profile(bed, "z", bins=1).solid_fraction[0] == pytest.approx(bed.solid_fraction, rel=1e-9)
+    surface = bed.surface_areas.sum() / bed.volumes.sum() * float(found.bed_solid_fraction)
+    assert float(found.specific_surface) == pytest.approx(surface, rel=1e-9)
+
+
+def test_a_bed_of_two_materials_ends_at_one_height():
+    bed = pack([BALL, BALL], Box((4, 4, 12), periodic="xy"), "gravity", count=60, density=(2.0, 3.0), seed=1)
+    found = measure(bed, "profile")["profiles"]
+    low, high = found.solid_fraction_x * 2.0, found.solid_fraction_x * 3.0
+    assert ((found.mass_density_x >= low - 1e-12) & (found.mass_density_x <= high + 1e-12)).all()
+
+
+def test_layers_on_the_floor_and_rings_at_the_mantle_are_told_apart():
+    # spheres on the axis of a cylinder, and a layer in the middle of its height that reaches its mantle
+    layer = [(math.cos(a) * 3.5, math.sin(a) * 3.5, 5.0) for a in np.arange(21) * 2 * math.pi / 21]
+    packing = Packing.of([BALL], Cylinder(4, 10), position=[*((0, 0, z + 0.5) for z in range(10)), *layer], **FREE)
+    radial, axial = cylinder_profiles(packing)
+    inner = radial.middle < 0.5
+    # the column, away from the ends, and nothing beside it up to the layer
+    rings = math.pi * np.diff(radial.edges**2) * 7
+    held = np.nan_to_num(radial.solid_fraction) * rings
+    assert (radial.solid_fraction[(radial.middle > 0.6) & (radial.middle < 2.9)] == 0).all()
+    assert held[radial.middle > 3].sum() == pytest.approx(21 * math.pi / 6, rel=1e-6)
+    assert held[inner].sum() < 7 * math.pi / 6 + 1e-9
+    # along the axis the layer at the mantle is left out: each sphere of the column shows its width
+    assert axial.solid_fraction.mean() * math.pi * 2.5**2 * 10 == pytest.approx(10 * math.pi / 6, rel=1e-6)
+    cubes = Packing.of([CUBE], packing.container, position=packing.position, scale=[0.7] * 31, **FREE)
+    sampled, core = cylinder_profiles(cubes)[1], 4 - 1.5 * float(cubes.diameters[0])
+    assert sampled.solid_fraction.mean() * math.pi * core**2 * 10 == pytest.approx(10 * 0.343, abs=0.05)
+    assert "solid_fraction_radial" not in measure(Packing.of([BALL], Box((3, 3, 3)), position=[[1, 1, 1]]), "profile")

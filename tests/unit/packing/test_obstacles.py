@@ -247,7 +247,7 @@ def test_bad_obstacles_are_refused():
     with pytest.raises(InputError, match="1 grains are fixed: a bed under a lid takes none"):
         vg.pack(SPHERE, BOX, "gravity", count=5, obstacles=BALL, lid={"weight": 1.0})
     first = vg.pack(SPHERE, BOX, "rsa", count=2, obstacles=BALL)
-    with pytest.raises(InputError, match="start has 2 grains: method 'compress' places all grains at random"):
+    with pytest.raises(InputError, match="start has 2 grains, and method 'compress' places all grains at random"):
         vg.pack(SPHERE, BOX, "compress", count=5, start=first)
     with pytest.raises(InputError, match="all 1 grains are fixed: none bears a stress"):
         vg.compress(vg.pack(SPHERE, BOX, "rsa", count=0, obstacles=BALL))

@@ -234,7 +234,7 @@ def test_the_plan_tells_what_hardly_finds_room():
     assert plans["dense"].notes[0].startswith("0.812 of the container is more than most grains fill")
     assert "note            0.812 of the container" in str(plans["dense"])
     assert plans["coarse"].notes[0].endswith("voxel_size is 3; make it at most 0.1")
-    assert "382 drawn, with the volume of the container: those that find room are packed" in str(plans["no amount"])
+    assert "245, as many as are expected to have room: 0.641 of the container" in str(plans["no amount"])
     assert "200 drawn; if all find room: 0.524 of the container" in str(plans["usual"])
 
 
@@ -254,3 +254,32 @@ def test_the_plan_tells_how_deep_the_bed_will_be_and_whether_it_has_a_bulk(count
     study = vg.Study(base=vg.Scene.from_mapping(scene), axes={"packing.count": [count]}, seeds=1).plan()
     assert study.cells[0].has_bulk == bulk
     assert ("in 1 of 1 cell the bed is expected to have fewer than 50 grains in its bulk" in str(study)) != bulk
+
+
+@pytest.mark.parametrize(
+    ("method", "asked"),
+    [
+        *(("compress", {}), ("expand", {}), ("jam", {}), ("multilayer", {})),
+        *(("gravity", {}), ("gravity", {"height": 3.0}), ("gravity", {"count": 30})),
+    ],
+)
+def test_the_number_that_is_packed_is_the_number_that_is_planned(method, asked):
+    """Without a count, methods aim at as many grains as they expect to have room: none of the rest is missed."""
+    box = {"kind": "box", "lengths": [4, 4, 5]}
+    scene = {"shape": [{"family": "sphere"}], "container": box, "packing": {"method": method, **asked}}
+    plan = vg.Scene.from_mapping(scene).plan()
+    packing = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 5)), method, **asked)
+    assert packing.count == plan.grains
+    assert packing.provenance["missed"]["count"] == 0
+    assert plan.expected == ("count" not in asked)
+    assert f"pack {plan.grains} grains by {method}" in plan.computed
+    assert plan.solid_fraction == pytest.approx(packing.count * math.pi / 6 / 80, abs=1e-9)
+
+
+def test_a_bed_of_an_asked_solid_fraction_has_as_many_grains_as_fill_it():
+    box = {"kind": "box", "lengths": [20, 20, 10], "periodic": "xy"}
+    scene = {"shape": [{"family": "sphere"}], "container": box}
+    bed = {"method": "gravity", "height": 8.0}
+    plans = (vg.Scene.from_mapping({**scene, "packing": {**bed, "solid_fraction": x}}).plan() for x in (0.5, 0.6))
+    loose, dense = (plan.grains for plan in plans)
+    assert dense / loose == pytest.approx(1.2, rel=0.01)

@@ -1,6 +1,7 @@
 """Proofs of rest with known answers: columns, pyramids, inclines, arches, and grains that nothing holds."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -292,3 +293,23 @@ def test_bad_input_is_refused():
         equilibrium(3)
     with pytest.raises(CallError, match="did you mean 'friction'"):
         equilibrium(packing, frction=1)
+
+
+def test_forces_that_a_packing_keeps_prove_rest_where_the_search_does_not():
+    """They are checked as those that are found: at the contacts, within the cones, and up to the tolerance."""
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * [0.5, 5e-4, 5e-4]
+    needle = vg.Shape.from_mesh(corners, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    bed = vg.pack(needle, vg.Box((3, 3, 3)), "gravity", count=12, seed=1)
+    assert bed.provenance["settling"]["resting"] == 1.0
+    found = vg.equilibrium(bed)
+    assert found.attrs["share_at_rest"] == 1.0
+    assert found.attrs["share_undecided"] == 0.0
+    push = found.normal_force.values
+    across = np.linalg.norm(found.force.values - push[:, None] * found.normal.values, axis=1)
+    assert (push >= -1e-12).all()
+    assert (across <= bed.forces.friction * push * (1 + 1e-9) + 1e-12).all()
+    # forces of another friction are none of this one
+    assert vg.equilibrium(bed, friction=0.01).attrs["share_at_rest"] < 1.0
+    # forces that do not balance prove nothing
+    doubled = replace(bed.forces, force=2.0 * bed.forces.force)
+    assert vg.equilibrium(replace(bed, forces=doubled)).attrs["share_at_rest"] < 1.0

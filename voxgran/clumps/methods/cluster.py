@@ -4,9 +4,12 @@ Points count as inside at a least depth, a share `inside` of the radius: 0 keeps
 simple cubic lattice leaves no hole inside the solid if its spacing is at most 2 / sqrt(3) radii, a hexagonal one if it
 is at most sqrt(2) radii.
 
-If the radius is omitted, many radii and positions of the lattice are tried. Of each, the deepest points are kept, as
-many as asked, and the cluster of largest intersection over union with the solid is taken, counted in voxels. If the
-radius is given, all points inside are kept.
+If the radius is omitted, many radii and positions of the lattice are tried. Of each, clusters of the deepest points are
+formed, of at most as many as asked; points of one depth, as those that are alike by symmetry, are in a cluster all or
+none. The cluster of largest intersection over union with the solid is taken, counted in voxels: it may have fewer
+spheres than asked, but at least eight, two along each axis, if so many are asked. The radii do not depend on the
+number, so that all clusters of fewer spheres are among those of more, and from eight on the intersection over union
+never falls with the number. If the radius is given, all points inside are kept.
 
 The surface of such a cluster is rough: between neighbouring spheres of radius r at spacing s there are grooves of depth
 r - sqrt(r^2 - s^2 / 4), that is 0.08 r at the spacing 0.8 r. Roughness is that depth. It falls with the radius and, for
@@ -28,7 +31,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
@@ -47,10 +50,15 @@ SPACING = {"cubic": 0.8, "hexagonal": 1.1}
 CELL = {"cubic": 1.0, "hexagonal": math.sqrt(0.5)}
 #: number of nearest neighbours of a point
 NEIGHBOURS = {"cubic": 6, "hexagonal": 12}
-#: number of positions of the lattice, and of radii, that are tried
-PLACES, RADII = 12, 14
-#: radii that are tried, relative to that of spheres whose cells have the volume of the solid; then nearer to the best
-SMALL, LARGE, FINER = 0.45, 1.1, 0.06
+#: number of positions of the lattice that are tried
+PLACES = 12
+#: fewest spheres of a cluster, where so many are asked: one sphere is often nearer to a round solid, and no cluster
+FEWEST = 8
+#: smallest and largest radius, relative to that of spheres whose cells have the volume of the solid
+SMALL, LARGE = 0.45, 1.1
+#: largest radius of a cluster of equal spheres, in equivalent diameters, ratio of one to the next smaller one, and
+#: factors on those of the best clusters
+WIDEST, RATIO, FINER = 0.6, 1.07, (0.98, 0.99, 1.01, 1.02, 1.03, 1.04)
 #: voxels along the equivalent diameter by which clusters are judged
 JUDGED = 48
 #: least depth of a center
@@ -78,7 +86,7 @@ class Cluster:
     lattice
         cubic: simple cubic; hexagonal: hexagonal close packing, which has thicker layers.
     spacing
-        distance of neighbours; if omitted 1.1 (cubic) or 1.35 (hexagonal), which leaves no hole.
+        distance of neighbours; if omitted 0.8 (cubic) or 1.1 (hexagonal), which leaves no hole.
     inside
         least depth of a center: 0 if only centers must lie inside, 1 if whole spheres; if omitted, the best one.
     merge
@@ -92,8 +100,8 @@ class Cluster:
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.Cluster(), max_spheres=4).count
-    4
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 1)), method=vg.clumps.Cluster(), max_spheres=50).count
+    27
     """
 
     radius: float | None = parameter(None, unit="equivalent diameters", at_least=LEAST, at_most=0.5)
@@ -111,7 +119,8 @@ def fit(body: Body, count: int, settings: Cluster, seed: int) -> Fitted:
     else:
         best = cluster.merged_to_count() if settings.merge else cluster.of_count()
     reason = "larger spheres replace all others" if settings.merge else "no further point of the lattice lies inside"
-    return Fitted(best.centers, best.radii, "" if len(best) == count else reason)
+    enough = len(best) == count or (len(best) and settings.radius is None and not settings.merge)
+    return Fitted(best.centers, best.radii, "" if enough else reason)
 
 
 registration = ClumpMethod(
@@ -135,10 +144,12 @@ class _Cluster:
         self.shifts[:2] = [[0.0], [0.5]]
         self.nominal = (body.volume / count / CELL[settings.lattice]) ** (1 / 3) / self.spacing
         # spheres protrude by at most their radius
-        reach = body.shape.bounding_radius + (settings.radius or LARGE * self.nominal)
+        largest = LARGE * self.nominal if settings.merge else max(FINER) * WIDEST
+        reach = body.shape.bounding_radius + (settings.radius or largest)
         self.grid = Grid.around(-reach * np.ones(3), reach * np.ones(3), 1.0 / JUDGED)
         self.solid = occupied(body.shape, self.grid)
         self.mask = self.solid.unpacked()
+        self.voxels = int(self.mask.sum())
 
     def error(self, found: SphereSet) -> float:
         """Return the number of voxels in only one of the solid and the spheres, relative to the sum of both."""
@@ -147,18 +158,24 @@ class _Cluster:
         return apart / (union.count() + self.solid.count())
 
     def of_count(self) -> SphereSet:
-        """Return the best cluster of the number asked."""
-        ratios = np.linspace(SMALL, LARGE, RADII)
-        tried: list[tuple[float, float, int, SphereSet]] = []
-        while not tried and ratios[-1] * self.nominal > LEAST:
-            tried = [row for k in range(PLACES) for ratio in ratios for row in self._with(k, ratio)]
-            # where the solid is thinner than the spheres
-            ratios = ratios * SMALL
-        if not tried:
+        """Return the best cluster of at most the number asked."""
+        # of each number of spheres the least error, and the radius and the position of the lattice that have it
+        best = np.full((self.count + 1, 3), [np.inf, 0.0, 0.0])
+        radius = WIDEST
+        while radius > LEAST and (radius > SMALL * self.nominal or not np.isfinite(best).all(axis=1).any()):
+            for k in range(PLACES):
+                self._try(radius, k, best)
+            radius /= RATIO
+        # clusters that are better than all of fewer spheres, so that those of more are refined near the same ones
+        records = best[1:][best[1:, 0] < np.minimum.accumulate(best[:-1, 0])]
+        for radius, k in dict.fromkeys((float(row[1]), int(row[2])) for row in records):
+            for factor in FINER:
+                self._try(factor * radius, k, best)
+        many = int(best[:, 0].argmin())
+        if not np.isfinite(best[many, 0]):
             return NONE
-        _, ratio, k, _ = min(tried, key=lambda row: row[0])
-        finer = ratio * np.linspace(1 - FINER, 1 + FINER, RADII)
-        return min(tried + [row for ratio in finer for row in self._with(k, ratio)], key=lambda row: row[0])[3]
+        points, order = self._deepest(float(best[many, 1]), int(best[many, 2]))[:2]
+        return SphereSet(points[np.sort(order[:many])], np.full(many, best[many, 1]))
 
     def of_radius(self, radius: float) -> SphereSet:
         """Return the best cluster of a radius.
@@ -189,16 +206,28 @@ class _Cluster:
         full = [found for found in tried if len(found) == self.count] or [found for found in tried if len(found)]
         return min(full, key=self.error) if full else NONE
 
-    def _with(self, k: int, ratio: float) -> list[tuple[float, float, int, SphereSet]]:
-        """Return error, radius relative to the nominal one, position and spheres of a cluster, or nothing."""
-        radius = ratio * self.nominal
+    def _deepest(self, radius: float, k: int) -> tuple[Floats, Integers, Floats]:
+        """Return the points of a lattice, their order from the deepest on, and their depths in it, rounded."""
         points, depth = self._lattice(radius, self.shifts[k])
-        # ties up to rounding go to the first
-        deepest = np.sort(np.argsort(-np.round(depth, 9), kind="stable")[: self.count])
-        if len(deepest) < self.count or depth[deepest].min() < (self.settings.inside or 0.0) * radius:
-            return []
-        found = SphereSet(points[deepest], np.full(self.count, radius))
-        return [(self.error(found), ratio, k, found)]
+        depth = np.round(depth, 9)
+        order = np.argsort(-depth, kind="stable")
+        return points, order, depth[order]
+
+    def _try(self, radius: float, k: int, best: Floats) -> None:
+        """Note where clusters of the deepest points of a lattice have the least error of those of their numbers."""
+        points, order, depth = self._deepest(radius, k)
+        ends = np.flatnonzero(np.diff(depth, append=-np.inf)) + 1
+        ends = ends[(ends >= (FEWEST if self.count >= FEWEST else 1)) & (ends <= self.count)]
+        ends = ends[depth[ends - 1] >= (self.settings.inside or 0.0) * radius]
+        if not len(ends):
+            return
+        added, covered = np.zeros((int(ends[-1]), 2), dtype=np.int64), np.zeros_like(self.mask)
+        lower, step = np.array(self.grid.origin), self.grid.voxel_size
+        _cover(points[order[: len(added)]], radius, lower, step, self.mask, covered, added)
+        within, beyond = np.cumsum(added, axis=0)[ends - 1].T
+        error = 1.0 - within / (self.voxels + beyond)
+        better = error < best[ends, 0]
+        best[ends[better]] = np.column_stack([error, np.full_like(error, radius), np.full_like(error, k)])[better]
 
     def _merged_with(self, inside: float) -> SphereSet:
         """Return merged spheres of the largest radius that gives the number asked."""
@@ -266,6 +295,25 @@ def _lattice_points(lattice: str, spacing: float, shift: Floats, bounds: Floats)
         index[:, 1] += odd / 3
     points = (index + shift) * layer
     return points[((points > bounds[0]) & (points < bounds[1])).all(axis=1)]
+
+
+@kernel
+def _cover(centers, radius, lower, step, solid, covered, added):  # type: ignore[no-untyped-def]
+    """Count the voxels of a solid, and those beyond it, that each sphere covers and none before it does."""
+    for s in range(len(centers)):
+        low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+        for a in range(3):
+            low[a] = max(0, math.floor((centers[s, a] - radius - lower[a]) / step))
+            high[a] = min(solid.shape[a], math.floor((centers[s, a] + radius - lower[a]) / step) + 1)
+        for i in range(low[0], high[0]):
+            x = lower[0] + (i + 0.5) * step - centers[s, 0]
+            for j in range(low[1], high[1]):
+                y = lower[1] + (j + 0.5) * step - centers[s, 1]
+                for k in range(low[2], high[2]):
+                    z = lower[2] + (k + 0.5) * step - centers[s, 2]
+                    if x * x + y * y + z * z <= radius * radius and not covered[i, j, k]:
+                        covered[i, j, k] = True
+                        added[s, 0 if solid[i, j, k] else 1] += 1
 
 
 @kernel

@@ -28,6 +28,7 @@ from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number
 from voxgran._base.errors import InputError
 from voxgran.contacts.model import Contacts
+from voxgran.contacts.verify import TOLERANCE
 from voxgran.contacts.walls import walls_touched
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.jamming.coordination import NearPairs
@@ -37,8 +38,6 @@ from voxgran.packing.model import Packing
 #: diameters
 REFERENCE_GAP = 0.01
 WIDEST_GAP = 0.1
-#: accuracy of gaps, in mean diameters; it is added to all limits, so that grains in contact have the gap 0
-ROUND_OFF = 1e-12
 #: fewest contacts that can hold a grain by friction, or by its faces
 FEWEST = 2
 
@@ -85,10 +84,10 @@ def coordination_number(
     diameter = mean_diameter(packing)
     found = near_contacts(packing, max(reference, float(wanted.max(initial=0.0))))
     ordered = np.sort(found.gap)
-    pairs = np.searchsorted(ordered, (wanted + ROUND_OFF) * diameter, side="right")
+    pairs = np.searchsorted(ordered, (wanted + TOLERANCE) * diameter, side="right")
     with np.errstate(invalid="ignore"):
         mean = 2.0 * pairs / np.float64(packing.count)
-    return Coordination(wanted, mean, _of_grains(packing, found, (reference + ROUND_OFF) * diameter), reference)
+    return Coordination(wanted, mean, _of_grains(packing, found, (reference + TOLERANCE) * diameter), reference)
 
 
 def find_rattlers(packing: Packing) -> Rattlers:
@@ -156,14 +155,14 @@ def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
     found once for all measures.
     """
     wanted = max(WIDEST_GAP, usual_gap(packing)) if gap is None else as_number(gap, "gap", at_least=0.0)
-    return packing.contacts((wanted + ROUND_OFF) * mean_diameter(packing))
+    return packing.contacts(wanted * mean_diameter(packing))
 
 
 def touching_contacts(packing: Packing) -> Contacts:
     """Return the contacts up to :func:`usual_gap`, found once and kept."""
     if "touching" not in packing._found:
         found = near_contacts(packing)
-        near = found.gap <= (usual_gap(packing) + ROUND_OFF) * mean_diameter(packing)
+        near = found.gap <= (usual_gap(packing) + TOLERANCE) * mean_diameter(packing)
         packing._found["touching"] = found.where(near)
     touching: Contacts = packing._found["touching"]
     return touching

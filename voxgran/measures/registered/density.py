@@ -169,7 +169,7 @@ def _compute(packing: Packing) -> Groups:
     values = {
         "container_volume": variable((), free_volume(packing), size, f"{kind} of the container"),
         "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
-        **specific_surfaces(packing),
+        **specific_surfaces(packing, bed),
         "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),
         "median_diameter": variable((), np.median(diameters), unit, "median equivalent diameter of the grains"),
         "bulk_solid_fraction": variable(

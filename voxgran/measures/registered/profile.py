@@ -1,19 +1,25 @@
-"""Profiles of the solid fraction along the axes and with the distance from the walls."""
+"""Profiles of the solid fraction along the axes, with the distance from the walls, and about the axis of a cylinder.
+
+Of a bed, all profiles but those along gravity are of the part below the height that holds 85 % of the volume of the
+grains, so that the room above the bed does not count.
+"""
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of, periods_of, refuse_tilt
-from voxgran.geometry.halfspaces import cut_disks
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
+from voxgran.geometry.walls import Round
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
-from voxgran.measures.region import Regions, SampledRegion
+from voxgran.measures.region import CylinderRegion, Regions, SampledRegion
 from voxgran.measures.registered.coordination import mean_diameter
+from voxgran.measures.registered.density import INSET
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing
@@ -42,12 +48,16 @@ class Profile:
         return (self.edges[1:] + self.edges[:-1]) / 2
 
 
-def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) -> Profile:
+def axis_profile(
+    packing: Packing, axis: str = "z", *, bins: int | None = None, limits: Floats | None = None
+) -> Profile:
     """Return the solid fraction in slices across an axis, exact except for cylinders and cones, with a bound of the
     error.
 
-    By default the slices are about a quarter of the mean diameter thick, at most 100, and NaN where the container is so
-    narrow that a slice, with half a mean diameter on each side, has room for fewer than five mean grains. Unknown axes
+    Of a bed, slices along gravity end at the height that holds 85 % of the volume of the grains, or at given limits,
+    the (2, 3) least and largest coordinates. By default the slices are about a quarter of the mean diameter thick, at
+    most 100, and NaN where the container is so narrow that a slice, with half a mean diameter on each side, has room
+    for fewer than five mean grains. Unknown axes
     and numbers of slices below 1 are refused.
     """
     few, k = bins is None, "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
@@ -56,18 +66,22 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
         refuse_tilt(container, f"a profile along {axis}", "take another axis, whose layers lie above each other")
     low, high = container.bounds[:, k]
     if bins is None:
-        width = BIN * mean_diameter(packing)
-        bins = int(np.clip(np.ceil((high - low) / width), 1, MOST_BINS)) if width > 0 else 1
-    edges = np.linspace(low, high, as_count(bins, "bins", at_least=1) + 1)
+        edges = _edges(low, high, BIN * mean_diameter(packing))
+    else:
+        edges = np.linspace(low, high, as_count(bins, "bins", at_least=1) + 1)
     packing, standing = around_fixed(packing), standing_in(packing)
-    parts = _parts(packing, k, edges)
-    room = _rooms(container, k, edges) - (0.0 if standing is None else np.array(_parts(standing, k, edges)))
+    limits = (Regions(packing).limits if limits is None else limits).copy()
+    limits[:, k] = -np.inf, np.inf
+    parts = _parts(packing, k, edges, limits)
+    room = _rooms(container, k, edges, limits)
+    if standing is not None:
+        room = room - np.array(_parts(standing, k, edges, limits))
     found = _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
     if not few or not packing.count:
         return found
     wide = _widened(edges, mean_diameter(packing)).clip(low, high)
     places = np.unique(wide)
-    below = np.concatenate([[0.0], np.cumsum(_rooms(container, k, places))])
+    below = np.concatenate([[0.0], np.cumsum(_rooms(container, k, places, limits))])
     return _without_small(found, np.diff(below[np.searchsorted(places, wide)], axis=0)[0], packing)
 
 
@@ -124,10 +138,81 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     return bare(_profile(edges[:kept], each, doubt, -np.diff(room[:kept])))
 
 
-def _parts(packing: Packing, axis: int, edges: Floats) -> list[Estimate]:
+def cylinder_profiles(packing: Packing) -> tuple[Profile, Profile]:
+    """Return the solid fraction over the distance from the axis of an upright cylinder, and over the height.
+
+    The former is that of the part at least 1.5 median diameters from floor and lid and, of a bed, below the height that
+    holds 85 % of the volume of the grains; the latter that of the part as far from the mantle. Bins are a tenth and a
+    quarter of the mean diameter wide, at most 100, and NaN as those of :func:`wall_profile`. Exact for spheres, else
+    sampled, with the standard error.
+    """
+    regions, diameter, radius = Regions(packing), mean_diameter(packing), _mantle(packing).radius
+    (low, high), inset = packing.container.bounds[:, 2], INSET * float(np.median(packing.diameters))
+    base, top = max(low + inset, regions.limits[0, 2]), min(high - inset, regions.limits[1, 2])
+    within = np.array([0.0, max(radius - inset, 0.0)]), np.array([base, max(base, top)])
+    found = []
+    for edges, place in ((_edges(0.0, radius, STEP * diameter), 0), (_edges(low, high, BIN * diameter), 2)):
+
+        def rings_of(ends: Floats, place: int = place) -> Floats:
+            """Return the rings (k, 4) of bins with these ends (2, k), of radii or along the axis."""
+            rings = np.tile(np.concatenate(within), (ends.shape[1], 1))
+            rings[:, place : place + 2] = ends.T
+            return rings
+
+        rings = rings_of(np.stack([edges[:-1], edges[1:]]))
+        parts, room = _held(regions, rings), _room(rings)
+        if regions.standing is not None:
+            room = room - np.array(_held(regions.standing, rings))
+        profile = _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
+        wide = _widened(edges, diameter).clip(edges[0], edges[-1])
+        found.append(_without_small(profile, _room(rings_of(wide)), packing))
+    return found[0], found[1]
+
+
+def _mantle(packing: Packing) -> Round:
+    """Return the wall of an upright cylinder."""
+    wall = boundary_of(packing.container).cylinder
+    assert wall is not None
+    return wall
+
+
+def _room(rings: Floats) -> Floats:
+    """Return the volumes of rings (k, 4): least and largest distance from an axis, and ends along it."""
+    inner, outer, base, top = rings.T
+    return np.asarray(math.pi * (outer - inner) * (outer + inner) * (top - base))
+
+
+def _held(regions: Regions, rings: Floats) -> list[Estimate]:
+    """Return the volume of the grains in rings (k, 4) about the axis of a cylinder."""
+    wall, solids = _mantle(regions.packing), regions.solids
+    found = []
+    if solids.spheres is not None:
+        # rings that meet share a core
+        core = cache(lambda radius, base, top: CylinderRegion(wall.center, radius, base, top).solid(solids))
+        for inner, outer, *ends in rings.tolist():
+            within, whole = core(inner, *ends), core(outer, *ends)
+            found.append(Estimate(whole - within, whole.error + within.error))
+        return found
+    places = {"depths": regions.samples.points, "around_depths": regions.samples.around}
+    depths = {name: wall.radius - np.hypot(*(at - wall.center)[:, :2].T) for name, at in places.items()}
+    about = replace(regions.samples, **depths)
+    for inner, outer, base, top in rings.tolist():
+        ends = np.array([[-np.inf, -np.inf, base], [np.inf, np.inf, top]])
+        region = SampledRegion(about, wall.radius - outer, ends, wall.radius - inner if inner else math.inf)
+        found.append(region.solid(solids))
+    return found
+
+
+def _edges(low: float, high: float, width: float) -> Floats:
+    """Return the edges of bins of about a width, of which there are at most MOST_BINS."""
+    bins = int(np.clip(np.ceil((high - low) / width), 1, MOST_BINS)) if width > 0 else 1
+    return np.linspace(low, high, bins + 1)
+
+
+def _parts(packing: Packing, axis: int, edges: Floats, limits: Floats) -> list[Estimate]:
     """Return the volume of the grains in each slice across an axis."""
     solids = Solids(packing)
-    return [solids.volume(*_slab(packing.dimension, axis, edges[b : b + 2])) for b in range(len(edges) - 1)]
+    return [solids.volume(*slab) for slab in _slabs(packing.dimension, axis, edges, limits)]
 
 
 def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:
@@ -150,36 +235,40 @@ def _without_small(profile: Profile, room: Floats, packing: Packing) -> Profile:
     )
 
 
-def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of a slice across an axis, open on all other sides."""
-    lower, upper = np.full(dimension, -np.inf), np.full(dimension, np.inf)
-    lower[axis], upper[axis] = ends
-    return lower, upper
+def _slabs(dimension: int, axis: int, edges: Floats, limits: Floats) -> list[tuple[Floats, Floats]]:
+    """Return the corners of the slices across an axis, which end at limits (2, 3) along other axes."""
+    corners = np.repeat(limits[None, :, :dimension], len(edges) - 1, axis=0)
+    corners[:, 0, axis], corners[:, 1, axis] = edges[:-1], edges[1:]
+    return [(lower, upper) for lower, upper in corners]
 
 
-def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
-    """Return the volume of the container in each slice."""
-    walls = boundary_of(container)
+def _rooms(container: Container, axis: int, edges: Floats, limits: Floats) -> Floats:
+    """Return the volume of the container in each slice, between limits (2, 3) along other axes."""
+    walls, (low, high) = boundary_of(container), container.bounds
     flat = container.dimension == 2
     if walls.solid is not None or (walls.round and not walls.is_usual):
-        slabs = [_slab(3, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
+        slabs = _slabs(3, axis, edges, limits)
         vertices, faces = container.mesh() if walls.solid is None else (walls.solid.vertices, walls.solid.faces)
         pose = np.eye(3)[None], np.array([(0.0, 0.0, 0.0) if walls.solid is None else walls.solid.offset])
-        found = np.array([cut_mesh(vertices, faces, *pose, lower=low, upper=high)[0] for low, high in slabs])
+        found = np.array([cut_mesh(vertices, faces, *pose, lower=lo, upper=up)[0] for lo, up in slabs])
         if walls.solid is None:
             # triangles lie within round walls
-            return np.asarray(found * (container.volume / found.sum()))
+            whole = cut_mesh(vertices, faces, *pose, lower=np.full(3, -np.inf), upper=np.full(3, np.inf))[0]
+            return np.asarray(found * (container.volume / whole))
         return found / np.ptp(vertices[:, 2]) if flat else found
-    if (wall := walls.cylinder) and axis < 2:
-        center, lower, upper = np.array([wall.center[:2]]), *container.bounds[:, 2]
-        slabs = [_slab(2, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
-        disk = [cut_disks(center, np.array([wall.radius]), lower=low, upper=high)[0] for low, high in slabs]
-        return np.array(disk) * (1.0 if flat else upper - lower)
+    below, above = np.maximum(limits[0], low), np.minimum(limits[1], high)
     if wall := walls.sphere:
-        radius = wall.radius
-        heights = np.clip(edges - wall.center[axis], -radius, radius)
-        return np.asarray(np.diff(math.pi * (radius**2 * heights - libm.power(heights, 3) / 3)))
-    return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
+        slabs, middle = _slabs(3, axis, edges, limits), np.array([wall.center])
+        return np.array([cut_spheres(middle, np.array([wall.radius]), lower=lo, upper=up)[0] for lo, up in slabs])
+    if wall := walls.cylinder:
+        across = _slabs(2, axis, edges, limits) if axis < 2 else [(limits[0, :2], limits[1, :2])]
+        center = np.array([wall.center[:2]])
+        disk = np.array([cut_disks(center, np.array([wall.radius]), lower=lo, upper=up)[0] for lo, up in across])
+        return disk * (1.0 if flat else np.diff(edges) if axis == 2 else above[2] - below[2])
+    # layers of the container are alike along the axis, and from the floor to the height of a bed
+    below[axis], above[axis] = low[axis], high[axis]
+    share = np.divide(above - below, high - low, out=np.ones(3), where=high > low)
+    return np.asarray(np.diff(edges) * container.volume / (high - low)[axis] * float(np.prod(share)))
 
 
 def _columns(
@@ -200,10 +289,10 @@ def _mass_density(packing: Packing, axis: str, bins: int) -> Any:
 
     The volume that grains of different densities have in common counts for each density.
     """
-    mass = np.zeros(bins)
+    mass, limits = np.zeros(bins), Regions(packing).limits
     for density in np.unique(packing.densities):
         of_density = packing[packing.densities == density]
-        mass += density * axis_profile(of_density, axis, bins=bins).solid_fraction
+        mass += density * axis_profile(of_density, axis, bins=bins, limits=limits).solid_fraction
     meaning = f"mass of the grains over the volume of the container, over the coordinate {axis}"
     return variable((axis,), mass, "unit of the density", meaning)
 
@@ -223,11 +312,18 @@ def _compute(packing: Packing) -> Groups:
         meaning = "the distance from the nearest wall"
         more, along = _columns(wall_profile(packing), "solid_fraction_wall", "wall_distance", (unit, meaning))
         values, coordinates = values | more, coordinates | along
+        if packing.dimension == 3 and boundary_of(packing.container).cylinder is not None:
+            radial, axial = cylinder_profiles(packing)
+            meaning = "the distance from the axis, away from floor, lid and surface"
+            more, along = _columns(radial, "solid_fraction_radial", "radius", (unit, meaning))
+            values, coordinates = values | more, coordinates | along
+            values |= _columns(axial, "solid_fraction_axial", "z", (unit, "the coordinate z, away from the mantle"))[0]
     return {"/profiles": dataset(values, coordinates)}
 
 
 registration = Measure(
-    summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls",
+    summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls, "
+    "about the axis of a cylinder",
     groups=("/profiles",),
     compute=_compute,
     tilted=True,

@@ -17,7 +17,7 @@ from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning, warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
-from voxgran.packing.beds.layers import top_of
+from voxgran.packing.beds.expected import top_of
 from voxgran.packing.model import Packing
 
 #: edge of a cell, in median diameters

@@ -156,7 +156,7 @@ def _compute(packing: Packing) -> Groups:
     whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
     text = "edge of the voxels of the pore sizes"
     whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
-    whole |= specific_surfaces(around_fixed(packing))
+    whole |= specific_surfaces(around_fixed(packing), bed_fraction(packing))
     return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
 
 

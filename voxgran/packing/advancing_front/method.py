@@ -286,5 +286,6 @@ registration = PackingMethod(
     cost=cost,
     tilted=True,
     dimensions=(2, 3),
+    start="placed",
     obstacles="placed",
 )

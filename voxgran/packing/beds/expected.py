@@ -11,9 +11,11 @@ from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import gravity_vector
-from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, mean_diameter, usual_solid_fraction
+from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, highest_surface, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import container_levels, points_inside
+from voxgran.packing.missed import Task
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.settling.parameters import Settling
 
@@ -22,6 +24,8 @@ log = logging.getLogger(__name__)
 #: distance of the bulk from the walls, in median diameters, share of the volume of the grains below its surface, and
 #: number of grains that it must hold for a solid fraction, as in :mod:`voxgran.measures.registered.density`
 INSET, HELD, FEWEST = 1.5, 0.85, 50
+#: share of the grains of a bed that have their tops below its surface, and share of a height up to which it is met
+BELOW, MET = 0.95, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +92,40 @@ def expected_bed(problem: Problem, gravity: Floats | None = None) -> ExpectedBed
         depth, surface = problem.length(asked), HELD * problem.length(asked)
     bulk = float(((room >= INSET) & (level <= surface)).mean()) * container.volume * fraction
     return ExpectedBed(depth, round(bulk / (volume / problem.count)))
+
+
+def warn_of_height(task: Task, packing: Packing) -> None:
+    """Warn where the surface of a bed is far from the height that was asked for.
+
+    Where a count, or too low a container, decides how many grains there are, no height is expected.
+    """
+    asked, counted = getattr(task.problem.parameters, "height", None), task.asked["count"] is not None
+    if asked is None or counted or packing.gravity is None or packing.stop_reason == "interrupted":
+        return
+    up: Floats = -np.asarray(packing.gravity)
+    wanted = min(asked, highest_surface(task.problem, up) * task.problem.unit_length)
+    surface = surface_level(packing)
+    if abs(surface - wanted) > max(MET * wanted, packing.median_diameter):
+        warn(
+            f"the surface of the bed is at {surface:.4g} instead of {asked:g}: these grains rest denser or looser than "
+            f"is known of their shape; give count={round(packing.count * wanted / surface)} in place of the height",
+            PackingWarning,
+        )
+
+
+def surface_level(packing: Packing, first: int = 0, last: int | None = None) -> float:
+    """Return the level, above the lowest point of the container, below which 95 percent of some grains have their tops;
+    0 without grains or gravity.
+    """
+    if packing.gravity is None or packing.count == first:
+        return 0.0
+    up: Floats = -np.asarray(packing.gravity)
+    tops = [top_of(packing, grain, up) for grain in range(first, packing.count if last is None else last)]
+    return float(np.quantile(tops, BELOW)) - container_levels(packing.container, up)[0]
+
+
+def top_of(packing: Packing, grain: int, up: Floats) -> float:
+    """Return the highest level of a grain."""
+    if packing.shapes[packing.shape_id[grain]].is_sphere:
+        return float(linear.matmul(packing.position[grain], up) + packing.bounding_radii[grain])
+    return float(linear.matmul(packing.world_vertices(grain), up).max())

@@ -2,7 +2,8 @@
 
 The numbers were fitted to beds of 60 to 900 grains that grew from seeds: spheres, disks, polygons, Platonic solids,
 boxes of up to 1 : 1 : 8 and 1 : 8 : 8, ellipsoids, cylinders, cones and unions of solids, with friction from 0 to 2, in
-periodic boxes, between walls and in cylinders. They reproduce the heights of these beds to about 7 %.
+periodic boxes, between walls and in cylinders. They reproduce the heights of these beds to about 7 %, and those of
+rings, tori and cylinders of several holes, to which they were not fitted.
 """
 
 import math
@@ -12,11 +13,15 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.lazy import load
+from voxgran._base.scalars import cube_root
 from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.problem import Problem
 from voxgran.settling.materials import Materials, mean_friction
 from voxgran.shapes.describing.ratios import Form, sphericity
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
 
 #: solid fractions of round grains of one size far from walls, by dimension: with much friction, and without
 RUBBING, FREE = {2: 0.78, 3: 0.575}, {2: 0.89, 3: 0.63}
@@ -49,10 +54,25 @@ def usual_solid_fraction(problem: Problem, friction: float | Materials | None = 
     dimension, friction = problem.dimension, problem.parameters.friction if friction is None else friction
     friction = mean_friction(friction, problem.shape_id, len(problem.shapes))
     found = RUBBING[dimension] + (FREE[dimension] - RUBBING[dimension]) * math.exp(-friction / USUAL)
-    roundness = np.array([min(sphericity(Form(shape)), 1.0) for shape in problem.shapes])[problem.shape_id]
-    looser = libm.power(np.minimum(roundness / ROUND, 1.0), POWER[dimension])
+    looser = problem.cache.keep(("looser",), lambda: np.array([_looser(shape) for shape in problem.shapes]))
     graded = 1.0 + GRADED * math.log(max(mean_diameter(problem), 1.0))
-    return min(found * graded * float(np.average(looser, weights=problem.volumes)), 1.0)
+    return min(found * graded * float(np.average(looser[problem.shape_id], weights=problem.volumes)), 1.0)
+
+
+def _looser(shape: Shape) -> float:
+    """Return the solid fraction of grains of a shape over that of round ones.
+
+    It follows from the sphericity of the shape or, where that gives more, from the one of its hull and the share of the
+    hull that is solid: no grain enters bores and pores, whose surface makes the shape less spherical.
+    """
+    d, form = shape.dimension, Form(shape)
+    own = float(libm.power(min(sphericity(form) / ROUND, 1.0), POWER[d]))
+    if own == 1.0 or isinstance(shape.geometry, Primitive):
+        return own
+    hull = load("scipy.spatial").ConvexHull(shape.vertices[:, :d])
+    sphere = math.sqrt(4 * math.pi * hull.volume) if d == 2 else math.pi * cube_root(6 * hull.volume / math.pi) ** 2
+    share = min(shape.volume / hull.volume, 1.0)
+    return max(own, share * float(libm.power(min(sphere / hull.area / ROUND, 1.0), POWER[d])))
 
 
 def mean_diameter(problem: Problem) -> float:
@@ -74,7 +94,11 @@ def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.ra
     for part in range(1, LOOKS + 1):
         above = points + part / LOOKS * (_room(problem, up) + AT_SURFACE) * up
         within &= np.asarray(container.signed_distance(above)) < 0.0
-    return usual_solid_fraction(problem) * container.volume * float(within.mean())
+    fraction, asked = usual_solid_fraction(problem), problem.parameters.solid_fraction
+    if asked is not None:
+        # beds are no denser than without friction
+        fraction = min(asked, usual_solid_fraction(problem, 0.0))
+    return fraction * container.volume * float(within.mean())
 
 
 def in_column(problem: Problem, up: Floats, count: int, height: float | None, generator: np.random.Generator) -> int:

@@ -4,24 +4,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from voxgran._base.arithmetic import linear
-from voxgran._base.arrays import Floats, as_count, as_positive, check_type
+from voxgran._base.arrays import as_count, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of
 from voxgran._base.seeds import MOST_SEED, philox_key
 from voxgran.containers.model import Container, check_container
-from voxgran.packing.beds.seeds import container_levels
+from voxgran.packing.beds.expected import surface_level
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.settling.materials import Materials
 from voxgran.shapes.model import check_shapes
-
-#: share of the grains of a bed that have their tops below its surface
-BELOW = 0.95
 
 
 @explained(hint='pack_layers([{"shapes": sand, "height": 4}, {"shapes": gravel, "count": 50}], box)')
@@ -132,21 +126,3 @@ def _arguments(layer: Any, number: int, common: Mapping[str, Any]) -> dict[str, 
     if "start" in given:
         raise InputError(f"layer {number} has a start: its start are the layers below; give them as layers before it")
     return given
-
-
-def surface_level(packing: Packing, first: int = 0, last: int | None = None) -> float:
-    """Return the level, above the lowest point of the container, below which 95 percent of some grains have their tops;
-    0 without grains or gravity.
-    """
-    if packing.gravity is None or packing.count == first:
-        return 0.0
-    up: Floats = -np.asarray(packing.gravity)
-    tops = [top_of(packing, grain, up) for grain in range(first, packing.count if last is None else last)]
-    return float(np.quantile(tops, BELOW)) - container_levels(packing.container, up)[0]
-
-
-def top_of(packing: Packing, grain: int, up: Floats) -> float:
-    """Return the highest level of a grain."""
-    if packing.shapes[packing.shape_id[grain]].is_sphere:
-        return float(linear.matmul(packing.position[grain], up) + packing.bounding_radii[grain])
-    return float(linear.matmul(packing.world_vertices(grain), up).max())

@@ -149,6 +149,11 @@ def _as_many(problem: Problem, up: Floats) -> int:
     return int(np.searchsorted(np.cumsum(problem.volumes), _most_volume(problem, up), side="right"))
 
 
+def _with_room(problem: Problem, up: Floats) -> int:
+    """Return how many grains come to rest in the container, or below the height that is asked, narrow columns too."""
+    return in_column(problem, up, _as_many(problem, up), _height(problem, up), stream(problem.seed, "column"))
+
+
 def _unplaced(problem: Problem) -> tuple[Assembly, Floats]:
     """Return the grains of a start before all others, which will arrive one after the other, and no growth."""
     m, n = problem.started, max(_as_many(problem, -gravity_vector(problem)), problem.started)
@@ -177,8 +182,7 @@ def _start(problem: Problem) -> tuple[Assembly, Floats]:
     container, dimension = problem.container, problem.dimension
     up, settings = -gravity_vector(problem), problem.parameters
     generator = stream(problem.seed, "seeds")
-    n, volume = _as_many(problem, up), np.cumsum(problem.volumes)
-    n = in_column(problem, up, n, _height(problem, up), stream(problem.seed, "column"))
+    n, volume = _with_room(problem, up), np.cumsum(problem.volumes)
     spheres, m = spheres_of_start(problem), problem.started
     n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
     base = float((linear.matmul(centers, up) + spheres[:, 3]).max(initial=-math.inf))
@@ -298,7 +302,8 @@ def cost(problem: Problem) -> Cost:
     _height(problem, up)
     if problem.parameters.inlet is not None:
         column_below(problem.parameters.inlet, problem, up, np.zeros((0, 4)))
-    return Cost(memory=GRAIN_BYTES * problem.count, attempts=problem.count)
+    n = max(_with_room(problem, up), problem.started)
+    return Cost(memory=GRAIN_BYTES * n, attempts=n, grains=n)
 
 
 registration = PackingMethod(
@@ -313,6 +318,7 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     no_room=NO_ROOM,
+    start="moved",
     obstacles="placed",
 )
 

@@ -211,6 +211,7 @@ registration = PackingMethod(
     libraries=("numba",),
     open_surfaces=True,
     builds_bed=True,
+    start="moved",
 )
 
 

@@ -245,5 +245,6 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    start="placed",
     obstacles="placed",
 )

@@ -17,6 +17,8 @@ from voxgran.voxels.occupy import occupy
 MOST_VOXELS = 2**40
 #: expected CPU time of a search, in seconds, beyond which voxels are larger by default
 LONG = 10.0
+#: number of sizes of voxels, each smaller by 5 percent, that are tried where the container is hardly wider than a grain
+NARROW = 44
 #: orientations in the bank of a grain at the most
 MOST_ORIENTATIONS = 10**6
 
@@ -58,14 +60,35 @@ def container_lattice(problem: Problem) -> ContainerLattice:
 
 
 def _usual_voxel_size(problem: Problem) -> float:
-    """Return the default voxel size: that of the method, or a larger one where the search would take long with it.
+    """Return the default voxel size: that of the method, or a larger one where the search would take long with it, or a
+    smaller one where the container is hardly wider than a grain.
 
     It is no larger than a tenth of the median diameter.
     """
     size, seconds = problem.parameters.usual_voxel_size, getattr(problem.parameters, "expected_seconds", None)
     while seconds is not None and size < COARSEST and seconds(problem, size) > LONG:
         size = min(1.1 * size, COARSEST)
-    return float(size)
+    finer = size * libm.power(1.05, -np.arange(float(NARROW)))
+    return next((float(smaller) for smaller in finer if _has_places(problem, float(smaller))), float(size))
+
+
+def _has_places(problem: Problem, size: float) -> bool:
+    """Return whether the voxels of the largest grain of each shape, turned along the axes, fit between plane walls.
+
+    A grain that is wider than the container counts for nothing: no voxels help.
+    """
+    container, d = problem.container, problem.dimension
+    if not boundary_of(container).is_flat:
+        return True
+    lengths = np.where(container.periodic, np.inf, container.bounds[1] - container.bounds[0])[:d]
+    room = np.sort(lengths)
+    for k, shape in enumerate(problem.shapes):
+        mine = problem.diameter[problem.shape_id == k]
+        edges = np.sort(np.ptp(shape.bounds, axis=0)[:d] * mine.max(initial=0.0))
+        taken = 2.0 * (np.floor(edges / (2.0 * size) + WHOLE) + 1.0)
+        if (edges <= room).all() and (taken > np.floor(room / size + WHOLE)).any():
+            return False
+    return True
 
 
 def _dividing_size(lengths: Floats, voxel_size: float, unit: float) -> float:

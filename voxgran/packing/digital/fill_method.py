@@ -51,7 +51,7 @@ from voxgran.packing.digital.oriented_voxels import (
     poses_to_voxelize,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import NO_ROOM_ON_LATTICE, Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
@@ -398,5 +398,7 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     any_container=True,
+    start="placed",
     obstacles="apart",
+    no_room=NO_ROOM_ON_LATTICE,
 )

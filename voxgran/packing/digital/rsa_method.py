@@ -35,7 +35,7 @@ from voxgran.packing.digital.oriented_voxels import (
 )
 from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.digital.trial_sites import TALLY, Lists, add_at_random, stamp_grain
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import NO_ROOM_ON_LATTICE, Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
@@ -206,5 +206,7 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     any_container=True,
+    start="placed",
     obstacles="apart",
+    no_room=NO_ROOM_ON_LATTICE,
 )

@@ -53,7 +53,7 @@ from voxgran.packing.digital.precompute import (
 from voxgran.packing.digital.proposals import MoveRules, Schedule
 from voxgran.packing.digital.schedule import SORT_SWEEPS, begin_schedule, lower_lid, sort_grains
 from voxgran.packing.digital.state import COUNTERS, DigitalState
-from voxgran.packing.method import Cost, PackingMethod
+from voxgran.packing.method import NO_ROOM_ON_LATTICE, Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
@@ -263,5 +263,7 @@ registration = PackingMethod(
     dimensions=(2, 3),
     any_container=True,
     builds_bed=True,
+    start="moved",
     obstacles="apart",
+    no_room=NO_ROOM_ON_LATTICE,
 )

@@ -14,13 +14,12 @@ from dataclasses import fields, replace
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
-from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.seeds import points_inside
 from voxgran.packing.compress import begun_compression, finished_compression
-from voxgran.packing.jamming.method import CompressState, advance, compressor_of, cost, grains_at_random
+from voxgran.packing.jamming.method import CompressState, advance, as_many, compressor_of, cost_of, grains_at_random
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -67,13 +66,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a shape is an open surface, no wall of the container moves as it is asked for, or there is a start.
+        If a shape is an open surface, or no wall of the container moves as it is asked for.
     """
-    if problem.started > problem.fixed:
-        raise InputError(
-            f"start has {problem.started - problem.fixed} grains: method 'compress' places all grains at random; give "
-            "them to vg.compress, which compresses a packing"
-        )
     problem.parameters.refuse_known_friction()
     loose = _loose(problem).apart
     grains = grains_at_random(loose, _many(problem.apart))
@@ -91,7 +85,7 @@ def _many(problem: Problem) -> int:
     room = (settings.solid_fraction or usual_solid_fraction(problem)) * container.volume * away
     if settings.height is not None:
         room *= problem.length(settings.height) / float(np.ptp(container.bounds, axis=0)[container.dimension - 1])
-    return max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
+    return as_many(problem, room)
 
 
 def _loose(problem: Problem) -> Problem:
@@ -137,10 +131,11 @@ registration = followed(
         prepare=prepare,
         advance=advance,
         finish=finish,
-        cost=cost,
+        cost=lambda problem: cost_of(_many(problem.apart)),
         tilted=True,
         dimensions=(2, 3),
         stretches=True,
+        no_start="places all grains at random (vg.compress compresses a packing)",
         obstacles="placed",
         any_walls=True,
     ),

@@ -1,9 +1,10 @@
 """Expansion: grains grow at random points and push each other apart to the solid fraction that is asked for.
 
 All sizes are multiplied by one factor, so that the gradation stays exactly as it is drawn, and the solid fraction is
-met exactly, at any number of grains. Where the solid fraction is beyond that at which the grains jam, the densest state
-that was found is the result, and a warning says so. Without a count and a solid fraction the grains are packed as
-densely as by ``jam``.
+met exactly, at any number of grains. Grains of a start keep their sizes, and the solid fraction is that of the others;
+where there are no others, the grains of the start get the factor that meets it. Where the solid fraction is beyond that
+at which the grains jam, the densest state that was found is the result, and a warning says so. Without a count and a
+solid fraction the grains are packed as densely as by ``jam``.
 
 Works for spheres and disks (:mod:`voxgran.packing.jamming.spheres`), and for all other solids and outlines, scanned
 meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`). The
@@ -54,12 +55,13 @@ def prepare(problem: Problem) -> CompressState:
 
 
 def finish(problem: Problem, state: CompressState, gravity: Down | None = None) -> Packing:
-    """Return the packing; where only a count is asked for and the sizes cannot be kept, a warning says so."""
-    factor = state.compressor.factor
-    if state.stop_reason == "count" and factor < 1.0:
+    """Return the packing; where sizes cannot be kept, of a count or of a start, a warning says so."""
+    factor, keeps = state.compressor.factor, problem.count > problem.started > 0
+    if factor < 1.0 and (state.stop_reason == "count" or (keeps and state.stop_reason == "full")):
+        also = ", those of the start too," if keeps else ""
         warn(
-            f"the grains have {factor:.4g} times the sizes that were drawn: more do not fit; ask for fewer or smaller "
-            "grains, or make the container larger",
+            f"the grains{also} have {factor:.4g} times the sizes that were drawn: more do not fit; ask for fewer or "
+            "smaller grains, or make the container larger",
             PackingWarning,
         )
     return packing_of_run(problem, state, factor, gravity=gravity)
@@ -76,6 +78,7 @@ registration = PackingMethod(
     tilted=True,
     dimensions=(2, 3),
     any_container=True,
+    start="moved",
     obstacles="apart",
     sizing="scaled",
     keeps_sizes=True,

@@ -95,6 +95,7 @@ registration = PackingMethod(
     tilted=True,
     dimensions=(2, 3),
     any_container=True,
+    start="scaled",
     obstacles="apart",
     sizing="scaled",
 )

@@ -163,11 +163,19 @@ def first_assembly(problem: Problem) -> Assembly:
     Where neither a count nor a solid fraction is asked for and there is no start, these are as many of the drawn grains
     as the container is expected to hold.
     """
-    n = problem.count
-    if not problem.target and problem.start is None and n:
-        room = reachable(problem.diameter, problem.dimension) * problem.container.volume
-        n = max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
-    return grains_at_random(problem, n)
+    return grains_at_random(problem, _with_room(problem))
+
+
+def _with_room(problem: Problem) -> int:
+    """Return how many grains there are: a count, or as many as are expected to have room."""
+    if problem.target or problem.start is not None or not problem.count:
+        return problem.count
+    return as_many(problem, reachable(problem.diameter, problem.dimension) * problem.container.volume)
+
+
+def as_many(problem: Problem, room: float) -> int:
+    """Return how many grains have at most a volume together, in the order in which they were drawn, at least one."""
+    return max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
 
 
 def grains_at_random(problem: Problem, n: int) -> Assembly:
@@ -246,4 +254,9 @@ def packing_of_run(
 
 def cost(problem: Problem) -> Cost:
     """Return the cost: memory by the number of grains, and the largest number of steps as an estimate."""
-    return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=STEPS if problem.count else 0)
+    return cost_of(_with_room(problem))
+
+
+def cost_of(grains: int) -> Cost:
+    """Return the cost of a number of grains."""
+    return Cost(memory=GRAIN_BYTES * grains + 2**22, attempts=STEPS if grains else 0, grains=grains)

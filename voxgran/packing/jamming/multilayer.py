@@ -33,7 +33,7 @@ from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container, boundary_of
 from voxgran.packing.jamming.expand import finish as expanded
 from voxgran.packing.jamming.expected import reachable
-from voxgran.packing.jamming.method import CompressState, advance, cost
+from voxgran.packing.jamming.method import CompressState, advance, as_many, cost_of
 from voxgran.packing.jamming.spheres import SoftSpheres
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
@@ -78,8 +78,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If the container is not a box or a rectangle with a floor and a lid, there are grains of a start, a shape is not
-        a sphere or a disk, or the grains would be denser than they jam.
+        If the container is not a box or a rectangle with a floor and a lid, a shape is not a
+        sphere or a disk, or the grains would be denser than they jam.
     """
     container, up = problem.container, problem.dimension - 1
     if not boundary_of(container).is_flat or container.periodic[up]:
@@ -87,24 +87,27 @@ def prepare(problem: Problem) -> CompressState:
             f"container is {container.kind!r}: layers lie on the floor of a box or a rectangle, below a plate; give "
             f"one that is not periodic along {'xyz'[up]}, or method='expand'"
         )
-    if problem.started:
-        raise InputError("start has grains: layers are made of new grains only; leave it out, or give method='expand'")
     other = [shape.name for shape in problem.shapes if not shape.is_sphere]
     if other:
         raise InputError(
             f"shape {other[0]!r} is no sphere: this method packs spheres and disks; give method='gravity' or 'digital'"
         )
-    n, most = problem.count, reachable(problem.diameter, problem.dimension) if problem.count else 1.0
-    filled = np.cumsum(problem.volumes) / container.volume
-    if not problem.target and n:
-        n = max(1, int(np.searchsorted(filled, most - LOOSER, side="right")))
-    elif n and filled[-1] > most:
+    n, most = _with_room(problem), reachable(problem.diameter, problem.dimension) if problem.count else 1.0
+    filled = float(problem.volumes[:n].sum()) / container.volume
+    if filled > most:
         raise InputError(
-            f"the grains have {filled[-1]:.4g} times the volume of the container, and jam at about {most:.3g}: ask for "
+            f"the grains have {filled:.4g} times the volume of the container, and jam at about {most:.3g}: ask for "
             "fewer or smaller ones, or a lower solid fraction"
         )
     compressor = LayeredSpheres(*_layers(problem, n), seed=problem.seed)
     return CompressState(compressor, total=compressor.most_steps, stop_reason="count" if compressor.ended else "")
+
+
+def _with_room(problem: Problem) -> int:
+    """Return how many grains there are: a count, or as many as lie a little looser than they jam."""
+    if problem.target or not problem.count:
+        return problem.count
+    return as_many(problem, (reachable(problem.diameter, problem.dimension) - LOOSER) * problem.container.volume)
 
 
 def _layers(problem: Problem, n: int) -> tuple[Assembly, Floats, Integers]:
@@ -147,10 +150,11 @@ registration = PackingMethod(
     prepare=prepare,
     advance=advance,
     finish=finish,
-    cost=cost,
+    cost=lambda problem: cost_of(_with_room(problem)),
     dimensions=(2, 3),
     sizing="scaled",
     keeps_sizes=True,
+    no_start="makes layers of new grains only",
     no_obstacles="finds the heights of its layers from the volumes of their own grains",
 )
 

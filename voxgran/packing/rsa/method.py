@@ -429,5 +429,6 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     selects=True,
+    start="placed",
     obstacles="placed",
 )

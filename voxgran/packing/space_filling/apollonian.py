@@ -88,10 +88,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If there are grains of a start, or the container has no gasket.
+        If the container has no gasket.
     """
-    if problem.started:
-        raise InputError("start has grains: an exact gasket has no room for any; leave start out")
     gasket_of(problem)
     state = State({"spheres": np.zeros((0, 4))}, {}, 0, 1)
     if not problem.count:
@@ -252,4 +250,5 @@ registration = PackingMethod(
     dimensions=(2, 3),
     libraries=(),
     sizing="made",
+    no_start="makes exact gaskets, which have no room for other grains",
 )

@@ -225,4 +225,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     sizing="made",
+    start="placed",
 )

@@ -284,6 +284,7 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     sizing="made",
+    start="placed",
 )
 
 

@@ -320,6 +320,7 @@ registration = PackingMethod(
     libraries=("numba", "scipy"),
     any_container=True,
     sizing="made",
+    start="placed",
 )
 
 

@@ -31,7 +31,7 @@ import numpy as np
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
-from voxgran._base.errors import InputError, PackingWarning, warn
+from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import by_shape
@@ -106,18 +106,7 @@ class VoronoiFill:
 
 
 def prepare(problem: Problem) -> State:
-    """Return the state in which seeds are at random points.
-
-    Raises
-    ------
-    InputError
-        If there is a start.
-    """
-    if problem.start is not None:
-        raise InputError(
-            f"start has {problem.started} grains: the cells of this method fill the whole container; leave start out, "
-            "or choose another method"
-        )
+    """Return the state in which seeds are at random points."""
     n = _used(problem)
     place = random_points(problem.container, n, stream(problem.seed, "points")) - problem.container.bounds[0]
     arrays: dict[str, Any] = first_arrays(place)
@@ -375,4 +364,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     sizing="scaled",
+    no_start="fills the whole container with its cells",
 )

@@ -97,7 +97,7 @@ def comparison_of(sample: Sample, twins: Sequence[Packing], voxel_size: float | 
     room = max(float(np.prod(upper - lower)) for lower, upper in bulks)
     inner = max(mean_diameter(packing) for packing in packings)
     # of both the same gap is that up to which grains touch
-    gap = max(packing.contact_gap for packing in packings) * (1 + 1e-9)
+    gap = max(packing.contact_gap for packing in packings)
     voxel = max(usual, (room / MOST_VOXELS) ** (1 / 3)) if voxel_size is None else voxel_size
     scale = _Scale(
         voxel=voxel,

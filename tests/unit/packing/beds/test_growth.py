@@ -6,11 +6,12 @@ import kit
 import numpy as np
 import pytest
 from kit import slow
+from manifold3d import Manifold
 from scipy.stats import spearmanr
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.beds.expected import expected_bed
+from voxgran.packing.beds.expected import expected_bed, warn_of_height
 from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, ROOM, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import column_top, random_seeds
 
@@ -227,6 +228,17 @@ def test_a_looser_column_falls_farther():
         vg.pack(SPHERE, vg.Box((5, 5, 20)), "gravity", count=80, fill=0.9)
 
 
+def pierced(holes, radius, sides=12):
+    """Return a cylinder of radius 1 and height 2 with bores of a radius at places (x, y), of the volume of SPHERE."""
+    body = Manifold.cylinder(2.0, 1.0, 1.0, sides)
+    for x, y in holes:
+        body -= Manifold.cylinder(4.0, radius, radius, 8).translate((x, y, -1.0))
+    mesh = body.to_mesh()
+    found = vg.Shape.from_mesh(np.asarray(mesh.vert_properties, float)[:, :3], np.asarray(mesh.tri_verts, np.int64))
+    return found.scaled(1.0 / found.diameter)
+
+
+RING, FOUR = pierced([(0, 0)], 0.55), pierced([(0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5)], 0.27)
 WALLED = vg.Box((10, 10, 20))
 OPEN = vg.Box((7, 7, 30), periodic="xy")
 
@@ -246,9 +258,11 @@ OPEN = vg.Box((7, 7, 30), periodic="xy")
         (vg.make_shape("disk"), vg.Rectangle((20, 40), periodic="x"), 6.0, {}),
         slow([vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)], vg.Box((7, 7, 20)), 8.0, {}),
         slow(vg.make_shape("box", aspect=(1, 1, 4)), vg.Box((8, 8, 20)), 8.0, {}),
+        slow(RING, vg.Box((6, 6, 14), periodic="xy"), 9.0, {}),
+        slow(FOUR, vg.Box((6, 6, 14), periodic="xy"), 9.0, {}),
     ],
     ids=["open", "frictionless", "graded", "low", "walls", "narrow", "cylinder", "sphere", "disks", "open disks",
-         "polyhedra", "rods"],
+         "polyhedra", "rods", "rings", "four holes"],
 )  # fmt: skip
 def test_a_height_counts_the_grains(shape, container, height, parameters):
     """The bed ends at the height that is asked, between walls or not, whatever the grains are."""
@@ -260,6 +274,24 @@ def test_a_height_counts_the_grains(shape, container, height, parameters):
     assert bed.stop_reason == "settled"
     # the tops of the uppermost grains, without the few that lie on the others
     assert np.quantile(tops, 0.95) - container.bounds[0][axis] == pytest.approx(height, rel=0.075)
+
+
+def test_bores_that_no_grain_enters_count_as_the_hull_that_they_are_in():
+    """Bores make a bed lighter by their share of the hull, however large their surface is, and no other change."""
+    box, found = vg.Box((8, 8, 20), periodic="xy"), []
+    for shape in (pierced([], 0.0), RING, FOUR):
+        task = kit.task_of("gravity", shape, box, count=50)
+        found.append(usual_solid_fraction(task.problem))
+    shares = [vg.describe(shape).convexity.item() for shape in (RING, FOUR)]
+    assert found[1:] == pytest.approx([found[0] * share for share in shares], rel=1e-6)
+
+
+def test_a_height_that_is_missed_is_told():
+    """Few large grains in a narrow container reach no height that is expected of many."""
+    task = kit.task_of("gravity", SPHERE, vg.Box((4, 4, 20), periodic="xy"), height=5.0)
+    bed = vg.pack(SPHERE, vg.Box((4, 4, 20), periodic="xy"), "gravity", count=40)
+    with pytest.warns(PackingWarning, match=r"the surface of the bed is at .* instead of 5: .*count=\d+ in place"):
+        warn_of_height(task, bed)
 
 
 def test_a_height_in_the_unit_of_the_container_and_with_a_count():

@@ -147,7 +147,7 @@ def test_grains_of_cells_survive_a_file(tmp_path):
 
 def test_what_is_refused():
     start = vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5)), method="voronoi_fill", count=5)
-    with pytest.raises(InputError, match="start has 5 grains: the cells of this method fill the whole container"):
+    with pytest.raises(InputError, match="start has 5 grains, and method 'voronoi_fill' fills the whole container"):
         vg.pack([], vg.Box((5, 5, 5)), method="voronoi_fill", start=start)
     for name, value in (("smoothing", -1), ("orientations", 0), ("rounds", -1), ("fill", "air")):
         with pytest.raises(InputError, match=name):
