@@ -13,6 +13,7 @@ from voxgran.containers.model import Container, package_of
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.mercury_files import is_mercury, read_mercury
 from voxgran.io.particles import Particles, packing_of
+from voxgran.io.sphere_packs import is_shape_pack, read_shape_pack
 from voxgran.io.spheres import owned_spheres, save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
@@ -54,8 +55,9 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
         ``x y z r``, clumps with a fifth column, and disks as ``x y r``. A ``.csv`` is a table with the names of the
-        columns in its first line, as pandas reads it, without unit and container, its periodic axes and tilt among it:
-        give these to :func:`load`.
+        columns in its first line, as pandas reads it, without unit and container, its periodic axes among it: give
+        these to :func:`load`. Where the container is tilted, they stand in comments before that line, which pandas
+        reads with ``comment="#"``.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -70,11 +72,6 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
-
-    Warns
-    -----
-    PackingWarning
-        If a ``.csv`` leaves out the tilt of a container.
 
     Examples
     --------
@@ -146,7 +143,8 @@ def load(
     ----------
     path : path-like
         Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
-        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; a data file of MercuryDPM; extended XYZ
+        ``x y z r clumpId``, CSV with a header, each with the line ``##PERIODIC::`` of YADE and Woo, and Woo's
+        ``number Sphere x y z r``); a LAMMPS data or dump file; a data file of MercuryDPM; extended XYZ
         with radii; ``.vtp``, ``.vtu`` or ``.vtk`` points with radii; a ``.xyzd`` of PackingGeneration; and a ``.gz`` of
         any of these. The file of one clump is read by :func:`load_shape`.
     container : Container, optional
@@ -225,6 +223,8 @@ def _particles(found: Path, frame: int, place: Path) -> Particles:
     for recognized, read in _WITH_FRAMES:
         if recognized(head):
             return read(found, frame=frame)
+    if is_shape_pack(head):
+        return read_shape_pack(found)
     return read_lammps_data(found) if is_data(head) else read_table(found)
 
 

@@ -202,6 +202,41 @@ def test_clumps_of_yade_come_back_as_clumps(clumps, tmp_path):
     assert "clump of each sphere" in bare.provenance["assumed"]["clumps"]
 
 
+@pytest.mark.parametrize("row", ["{x} {y} {z} {r}", "{x}\t{y}\t{z}\t{r}\t-1", "{k} Sphere {x} {y} {z} {r}"])
+def test_the_periodic_cell_of_yade_and_woo_is_read(row, tmp_path):
+    spheres = vg.pack(vg.make_shape("sphere"), vg.Box((4, 3, 2), "xyz"), "rsa", count=9)
+    rows = zip(*spheres.position.T.tolist(), (spheres.diameters / 2).tolist(), strict=True)
+    text = "##PERIODIC:: 4 3 2\n##USER-DATA:: any\n" + "\n".join(
+        row.format(k=k, x=x, y=y, z=z, r=r) for k, (x, y, z, r) in enumerate(rows)
+    )
+    again = read(tmp_path, text)
+    assert again.container == spheres.container
+    np.testing.assert_array_equal(again.position, spheres.position)
+    np.testing.assert_array_equal(again.diameters, spheres.diameters)
+    assert not {"container", "periodic"} & again.provenance["assumed"].keys()
+
+
+def test_rows_of_one_number_are_a_clump_in_a_shape_pack(tmp_path):
+    pack = read(tmp_path, "0 Sphere 0 0 0 1\n0 Sphere 1 0 0 1 # joined\n1u Sphere 5 0 0 1\n1u Sphere 9 0 0 1\n")
+    assert pack.count == 3
+    assert pack.volumes.tolist() == pytest.approx([2.25 * np.pi, 4 / 3 * np.pi, 4 / 3 * np.pi])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("##PERIODIC:: 1 2\n0 0 0 1\n", r"line 1: '1 2' is not 3 numbers"),
+        ("##PERIODIC:: 1 2 0\n0 0 0 1\n", r"a box of \[1.0, 2.0, 0.0\]"),
+        ("0 Sphere 0 0 0 1\n1 Capsule 0 0 0 1 2 0 0\n", r"line 2: '1 Capsule .* only spheres and clumps"),
+        ("0 Sphere 0 0 0 1\n1 Sphere 0 0 0 -1\n", r"sphere 1: x y z r is 0 0 0 -1"),
+        ("0 Sphere 0 0 0 1\n1 Sphere 0 0 zero 1\n", r"line 2: '0 0 zero 1' is not 4 numbers"),
+    ],
+)
+def test_packs_of_yade_and_woo_that_are_wrong(text, message, tmp_path):
+    with pytest.raises(FileFormatError, match=message):
+        read(tmp_path, text)
+
+
 def cloud(n=50, seed=1):
     generator = stream(seed, "cloud")
     return generator.uniform(0, 10, (n, 3)), generator.uniform(0.1, 0.4, n)
