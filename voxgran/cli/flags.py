@@ -85,6 +85,7 @@ PACKING: tuple[Flag, ...] = (
     _flag("file", help="a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"),
     _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
     _flag("--unit", help="unit of lengths of such spheres"),
+    _flag("--shrink", action="store_true", help="make such spheres smaller by one factor, until none overlap"),
 )
 #: engine, and what a simulation needs beside its material
 ENGINE = _flag("--engine", default="lammps", help="engine; 'voxgran engines' lists them")

@@ -3,12 +3,15 @@
 import logging
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from voxgran._base.arrays import as_flag
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file, output_suffix, unpacked
+from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container, package_of
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.mercury_files import is_mercury, read_mercury
@@ -40,6 +43,8 @@ _OTHERS = {
     **dict.fromkeys((".stl", ".obj", ".off", ".ply", ".msh"), _SHAPE),
     **dict.fromkeys((".tif", ".tiff", ".png", ".npy", ".npz", ".nrrd", ".vti"), _IMAGE),
 }
+#: least factor on sizes by which grains that overlap are made smaller
+LEAST_FACTOR = 0.9
 #: bytes that are looked at to recognize a file
 _HEAD = 4096
 
@@ -136,6 +141,7 @@ def load(
     unit: str | None = None,
     periodic: Periodic | None = None,
     frame: int = -1,
+    shrink: bool = False,
 ) -> Packing:
     """Read a packing from a file, of voxgran or of another program.
 
@@ -156,6 +162,9 @@ def load(
         :class:`voxgran.Box`; default: as the file says, or else none.
     frame : int
         Which frame of a file with several, as of LAMMPS, MercuryDPM and XYZ, from 0; negative: from the end.
+    shrink : bool
+        Whether spheres and clumps of another program are made smaller in place, by one factor, until :func:`verify`
+        finds no overlap: radii that were rounded, as those of published packings, may overlap by a part in 1e8.
 
     Returns
     -------
@@ -170,8 +179,8 @@ def load(
     FileFormatError
         If the content is damaged, no packing, or of no known form.
     InputError
-        If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit, or the file
-        states another unit.
+        If a container, unit, axes or `shrink` are given for a file that voxgran wrote, which is read as it is, or do
+        not fit, the file states another unit, or grains overlap still at 0.9 of their sizes.
     MissingLibraryError
         If the container is of a package that is not installed; the message names it.
 
@@ -189,18 +198,40 @@ def load(
     10
     """
     found = existing_file(path)
-    given = {"container": container, "unit": unit, "periodic": periodic}
+    as_flag(shrink, "shrink")
+    given = {"container": container, "unit": unit, "periodic": periodic, "shrink": shrink or None}
     with unpacked(found) as plain:
         if plain.suffix.lower() == ".vtp" and is_own(plain):
             named = [name for name, value in given.items() if value is not None]
             if named:
-                raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
+                raise InputError(f"{named[0]} is given for {found}, which voxgran wrote: leave it out")
             return load_packing(plain)
         particles = _particles(plain, frame, found if plain == found else found.with_suffix(""))
     packing = packing_of(particles, found, container=container, unit=unit, periodic=periodic)
+    packing = _shrunk(packing, found) if shrink else packing
     for subject, sentence in packing.provenance.get("assumed", {}).items():
         log.info("%s: assumed %s: %s", found, subject, sentence)
     return packing
+
+
+def _shrunk(packing: Packing, path: Path) -> Packing:
+    """Return a packing with all grains smaller in place, by the largest factor at which none overlap or escape."""
+    factor, proof = 1.0, verify(packing)
+    while not proof.ok:
+        factor *= proof.touching_at
+        if factor < LEAST_FACTOR:
+            raise InputError(
+                f"shrink is true for {path}, whose grains overlap still at {factor:.3g} of their sizes: down to "
+                f"{LEAST_FACTOR:g} is allowed; leave it out"
+            )
+        proof = verify(smaller := replace(packing, scale=packing.scale * factor))
+    if factor == 1.0:
+        return packing
+    assumed = {
+        **packing.provenance.get("assumed", {}),
+        "shrinking": f"all sizes are multiplied by 1 - {1.0 - factor:.3g}, so that none overlap",
+    }
+    return replace(smaller, provenance={**packing.provenance, "assumed": assumed})
 
 
 def _particles(found: Path, frame: int, place: Path) -> Particles:

@@ -1,5 +1,6 @@
 """Packings that other programs wrote: as YADE, LAMMPS, ParaView and a spreadsheet write them, and damaged."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -220,6 +221,56 @@ def test_rows_of_one_number_are_a_clump_in_a_shape_pack(tmp_path):
     pack = read(tmp_path, "0 Sphere 0 0 0 1\n0 Sphere 1 0 0 1 # joined\n1u Sphere 5 0 0 1\n1u Sphere 9 0 0 1\n")
     assert pack.count == 3
     assert pack.volumes.tolist() == pytest.approx([2.25 * np.pi, 4 / 3 * np.pi, 4 / 3 * np.pi])
+
+
+def rounded(tmp_path, more=1.7e-8):
+    """Return the file of spheres that touch along a periodic cell, whose radii are larger by a share."""
+    lattice = vg.Packing.of(
+        vg.make_shape("sphere"), vg.Box((2, 3, 4), "xyz"), position=np.argwhere(np.ones((2, 3, 4))) + 0.125
+    )
+    rows = [f"{x} {y} {z} {0.5 * (1 + more)!r}\n" for x, y, z in lattice.position.tolist()]
+    (tmp_path / "published.txt").write_text("##PERIODIC:: 2 3 4\n" + "".join(rows))
+    return tmp_path / "published.txt"
+
+
+def test_verify_says_how_much_smaller_the_spheres_of_a_jammed_packing_are_without_overlaps(tmp_path):
+    path = rounded(tmp_path)
+    found = vg.load(path).verify()
+    assert found.overlapping_pairs == 3 * 24
+    assert 1 - found.touching_at == pytest.approx(1.7e-8, rel=1e-6)
+    assert "touching at 1 - 1.7e-08" in str(found)
+    mended = vg.load(path, shrink=True)
+    proof = mended.verify()
+    assert proof.ok
+    assert proof.touching_at == 1
+    assert mended.diameters == pytest.approx(np.ones(24), rel=1e-9)
+    assert mended.provenance["assumed"]["shrinking"].startswith("all sizes are multiplied by 1 - 1.7e-08")
+    # what does not overlap is left as it is
+    assert vg.load(rounded(tmp_path, more=-1e-12), shrink=True) == vg.load(tmp_path / "published.txt")
+
+
+def test_clumps_and_spheres_beyond_walls_are_shrunk(tmp_path):
+    text = "0 0 0 1 1\n1 0 0 1 1\n2.9 0.4 0 1 2\n3.9 0.4 0 1 2\n1 4.99 0 1 -1\n"
+    (tmp_path / "p.txt").write_text(text)
+    box = vg.Box((6, 8, 4), origin=(-0.999, -2, -2))
+    loose = vg.load(tmp_path / "p.txt", container=box)
+    assert 0.9 < loose.verify().touching_at < 1
+    assert loose.verify().escaped == 1
+    mended = vg.load(tmp_path / "p.txt", container=box, shrink=True)
+    assert mended.verify().ok
+    # not more than is needed
+    wider = dataclasses.replace(mended, scale=mended.scale * 1.001)
+    assert not wider.verify().ok
+
+
+def test_deep_overlaps_and_files_of_voxgran_are_not_shrunk(tmp_path):
+    with pytest.raises(InputError, match=r"published.txt, whose grains overlap still at 0\.8"):
+        vg.load(rounded(tmp_path, more=0.2), shrink=True)
+    with pytest.raises(InputError, match="shrink is 1: it must be True or False"):
+        vg.load(rounded(tmp_path), shrink=1)
+    vg.save(vg.load(rounded(tmp_path)), tmp_path / "own.vtp")
+    with pytest.raises(InputError, match=r"shrink is given for .*own.vtp, which voxgran wrote: leave it out"):
+        vg.load(tmp_path / "own.vtp", shrink=True)
 
 
 @pytest.mark.parametrize(
