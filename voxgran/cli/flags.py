@@ -305,10 +305,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--retry", action="store_true", help="compute runs that failed again"),
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),
-    "bench": (
-        _flag("name", help="trade-off, such as settle; any other word lists them"),
-        _flag("-o", "--output", default="bench", help="folder"),
-    ),
+    "bench": (_flag("name", help="trade-off, such as settle"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
     "data": (
         _flag("name", nargs="?", help="such as eros.obj or itokawa_lp.obj; default: the files are listed"),
