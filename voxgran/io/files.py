@@ -10,7 +10,7 @@ from voxgran._base.arrays import as_flag
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file, output_suffix, unpacked
+from voxgran._base.files import as_path, existing_file, output_suffix, unpacked
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container, package_of
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 
 #: what is written, for messages
 KEPT = "packings are kept"
+#: suffixes of meshes that PyVista writes
+MESHES = (".stl", ".ply", ".obj", ".vtk")
 _WRITERS: dict[str, Callable[..., None]] = {
     ".vtp": save_packing,
     ".txt": save_spheres,
@@ -100,7 +102,13 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
     InputError
         If the path is no path.
     """
-    return output_suffix(path, _WRITERS, KEPT)
+    try:
+        return output_suffix(path, _WRITERS, KEPT)
+    except FileFormatError as error:
+        if as_path(path).suffix.lower() in MESHES:
+            way = f"packing.to_pyvista().save({str(path)!r})"
+            raise FileFormatError(f"{error}, or write the surfaces of all grains by {way}") from None
+        raise
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
@@ -113,6 +121,7 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
+    known_suffix(path)
     output_suffix(path, _WRITERS, KEPT, overwrite=overwrite)
 
 

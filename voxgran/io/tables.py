@@ -248,7 +248,8 @@ def _slow_rows(path: Path, layout: Layout) -> Floats:
 
 def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]:
     """Return container, unit and fields of the packing from the comments at the top."""
-    container, unit, fields = None, None, {}
+    container: Container | None = None
+    unit, fields = None, {}
     with path.open(encoding="utf-8-sig") as file:
         for number, line in enumerate(file, 1):
             if not line.startswith("#"):
