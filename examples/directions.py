@@ -76,7 +76,7 @@ for row, dimension in enumerate((2, 3)):
             positions += directions[drawn] if lattice else any_directions(dimension, walkers)
         title = f"{len(directions)} directions" if lattice else "any direction"
         panels[row, column].plot(*positions[:3000, :2].T, ".", ms=1, rasterized=True)
-        panels[row, column].set(title=f"{dimension}D, {title}, {steps} steps", aspect="equal")
+        panels[row, column].set(title=f"{dimension}D, {title}, {steps} steps", aspect="equal", xlabel="x", ylabel="y")
         moments = f"1 step {fourth_moment(first):.3f}, {steps} steps {fourth_moment(positions):.3f}"
         print(f"{dimension}D {title:14s} fourth moment: {moments}")
     shape = vg.make_shape("disk") if dimension == 2 else vg.make_shape("sphere")
@@ -93,7 +93,7 @@ for row, dimension in enumerate((2, 3)):
         )
         angle = np.arctan2(normals[:, dimension - 1], normals[:, 0])
         panels[row, 2].hist(angle % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
-    panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians")
+    panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians", ylabel="density")
     panels[row, 2].margins(y=0.35)
     panels[row, 2].legend(frameon=False, ncols=2, loc="upper center")
 folder.mkdir(parents=True, exist_ok=True)

@@ -24,6 +24,7 @@ import voxgran.cli.doctor as examination
 import voxgran.cli.warm as beforehand
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
+from voxgran.bench.model import trade_offs
 from voxgran.cli import bits, main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import name_flags
@@ -727,6 +728,24 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
     assert "apt-get install -y libgl1" in text
     assert "free space" in text
     assert text.strip().endswith("what is marked <- needs mending")
+
+
+@pytest.mark.exact_start("doctor compares the bits of ten jobs with the reference")
+def test_doctor_lists_extras_and_what_they_lack(monkeypatch, capsys):
+    lines = ["numpy>=2.0", 'nothere[mpi]>=1.0; extra == "lammps"', 'NumPy>=2.0; extra == "images"', 'x; extra == "dev"']
+    monkeypatch.setattr(importlib.metadata, "requires", lambda name: lines)
+    assert main(["doctor"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"(?m)^\[images\] +installed$", text)
+    assert re.search(r"(?m)^\[lammps\] +lacks nothere: pip install 'voxgran\[lammps\]'$", text)
+    assert "[dev]" not in text
+    assert text.rstrip().endswith("all good, without the extras [lammps]")
+
+
+def test_the_help_of_bench_lists_what_there_is(capsys):
+    with pytest.raises(SystemExit):
+        main(["bench", "--help"])
+    assert set(trade_offs().names()) <= set(re.split(r"[\s,]+", capsys.readouterr().out))
 
 
 @pytest.mark.exact_start("doctor compares the bits of ten jobs with the reference")

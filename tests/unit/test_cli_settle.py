@@ -132,7 +132,7 @@ def test_each_parameter_of_settling_has_a_flag():
         (["--shaking-duration", "0"], "duration is 0"),
         (["--gravity", "x"], "gravity is 'x'"),
         (["--gravity", "-x"], "walled axis"),
-        (["--periodic", "xy"], "which holds its own: leave it out"),
+        (["--periodic", "xy"], "which voxgran wrote: leave it out"),
     ],
 )
 def test_mistakes_are_one_line_and_status_2(file, tmp_path, capsys, more, expected):

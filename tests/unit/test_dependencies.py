@@ -10,6 +10,7 @@ PROJECT = Path(__file__).parents[2] / "pyproject.toml"
 #: the oldest releases that work with NumPy 2, found by installing them; `numpy.bitwise_count` came with NumPy 2.0
 FLOORS = {
     "contourpy": (1, 2, 1),
+    "imagecodecs": (2024, 9, 22),
     "matplotlib": (3, 8, 4),
     "meshio": (5, 3, 5),
     "netCDF4": (1, 7, 1),

@@ -345,7 +345,7 @@ def _remedy_within(value: Any, wanted: type | tuple[type, ...]) -> str:
         if not isinstance(value, type) and callable(getattr(value, f"to_{noun}", None)):
             return f"; write .to_{noun}() behind it"
         if isinstance(getattr(value, noun, None), kind):
-            return f"; write .{noun} behind it"
+            return f"; write .{noun} behind it{getattr(value, '_without_place', '')}"
         if isinstance(value, tuple) and value and isinstance(value[0], kind):
             return "; write [0] behind it"
     return ""

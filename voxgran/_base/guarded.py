@@ -10,10 +10,12 @@ processes that are kept, since each part takes less time than a start.
 import atexit
 import contextlib
 import importlib
+import importlib.util
 import json
 import math
 import os
 import queue
+import re
 import resource
 import signal
 import subprocess
@@ -44,6 +46,13 @@ MEMORY, MEMORY_PER_BYTE = 2**31, 4000
 MEMORY_PER_PART = 16
 #: how many times its CPU time a reader may take on a clock, since other processes run too
 PATIENCE = 20.0
+
+#: what tifffile, numcodecs and HDF5 say where they lack a library of codecs, and its name; "" for that in the message
+NEEDS = (
+    (r"requires the '(\w+)' package", ""),
+    (r"codec not available: '+(\w+)", ""),
+    (r"can't open directory \(.*plugin\)|required filter", "hdf5plugin"),
+)
 
 _START = (
     "import sys; request = sys.argv[1]; sys.path[:] = sys.argv[2:]; "
@@ -193,6 +202,8 @@ def refused(path: Path) -> Iterator[None]:
     ------
     FileFormatError
         For any exception that is neither a VoxgranError nor a lack of memory.
+    MissingLibraryError
+        If a library that unpacks the file is not installed.
     TooLargeError
         If the content does not fit in memory.
     """
@@ -205,9 +216,23 @@ def refused(path: Path) -> Iterator[None]:
         raise TooLargeError(_too_large(path)) from error
     # each library has its own exceptions for files that it cannot read; meshio also exits
     except (Exception, SystemExit) as error:
+        if (missing := _missing(error)) is not None:
+            raise MissingLibraryError(
+                f"{path} is packed in a way that needs {missing}, which is not installed: install it with "
+                f"'pip install {missing}'"
+            ) from error
         raise FileFormatError(
             f"{path} cannot be read as a {path.suffix} file ({reason_of(error)}): it is cut or damaged; write it again"
         ) from error
+
+
+def _missing(error: BaseException) -> str | None:
+    """Return the name of a library without which another one failed, by what that one says; None for other errors."""
+    found = str(error.name).partition(".")[0] if isinstance(error, ImportError) and error.name else None
+    for said, name in NEEDS:
+        if found is None and (match := re.search(said, str(error))) is not None:
+            found = name or match[1]
+    return None if found is None or importlib.util.find_spec(found) else found
 
 
 def reason_of(error: BaseException, *, most: int = 100) -> str:

@@ -66,7 +66,7 @@ def verify(options: argparse.Namespace) -> int:
     packing = loaded(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, tolerance=options.tolerance, on_step=on_step)
-    show(_fields(proof, "ok", "overlapping_pairs", "deepest", "escaped", "tolerance"), options)
+    show(_fields(proof, "ok", "overlapping_pairs", "deepest", "escaped", "touching_at", "tolerance"), options)
     return 0 if proof.ok else 1
 
 

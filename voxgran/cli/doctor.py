@@ -21,6 +21,8 @@ from voxgran.cli.terminal import progress, show
 
 #: name of the distribution where it is not that of the module
 DISTRIBUTIONS = {"vtkmodules": "vtk"}
+#: extras of those who work on voxgran, and the one that holds all others
+NOT_LISTED = ("all", "dev", "docs")
 #: seconds after which a picture counts as not drawn
 PATIENCE = 120
 #: free space in bytes below which results may not fit
@@ -62,7 +64,9 @@ def doctor(options: argparse.Namespace) -> int:
     print(f"{'voxgran':16} {voxgran.__version__}")
     for finding in findings:
         print(f"{finding.name:16} {finding.value}" + ("" if finding.good else f"   <- {finding.remedy}"))
-    print("all good" if good else "what is marked <- needs mending")
+    without = [finding.name for finding in findings if finding.name.startswith("[") and "lacks" in finding.value]
+    fine = "all good" + (f", without the extras {' '.join(without)}" if without else "")
+    print(fine if good else "what is marked <- needs mending")
     return 0 if good else 1
 
 
@@ -98,10 +102,11 @@ def _warm(options: argparse.Namespace) -> int:
 
 
 def examine() -> Iterator[Finding]:
-    """Look at libraries, pictures, bits of results, threads, memory and disk, one finding each."""
+    """Look at libraries, extras, pictures, bits of results, threads, memory and disk, one finding each."""
     floors = _floors()
     for name in ("numpy", *LIBRARIES):
         yield _library(name, floors)
+    yield from _extras()
     yield _picture()
     yield _same_bits()
     yield Finding("threads", f"{processor_count()} of {os.cpu_count()} processors may be used")
@@ -126,15 +131,18 @@ def _same_bits() -> Finding:
     return Finding("bits", value, good=False, remedy=remedy)
 
 
+def _requirements() -> list[str]:
+    """Return what voxgran needs, one distribution a line; nothing where it is run from its source tree."""
+    try:
+        return importlib.metadata.requires("voxgran") or []
+    except importlib.metadata.PackageNotFoundError:
+        return []
+
+
 def _floors() -> dict[str, str]:
     """Return the lowest version that each distribution must have."""
     found = {}
-    try:
-        lines = importlib.metadata.requires("voxgran") or []
-    except importlib.metadata.PackageNotFoundError:
-        # run from its source tree: nobody says what is needed
-        lines = []
-    for line in lines:
+    for line in _requirements():
         if match := re.match(r"([A-Za-z0-9_.-]+)\s*>=\s*([0-9.]+)", line):
             found[match[1].lower()] = match[2]
     return found
@@ -153,6 +161,19 @@ def _library(name: str, floors: dict[str, str]) -> Finding:
         remedy = f"at least {floor} is needed: pip install -U '{distribution}>={floor}'"
         return Finding(distribution, version, good=False, remedy=remedy)
     return Finding(distribution, version)
+
+
+def _extras() -> Iterator[Finding]:
+    """Look, without loading them, which libraries of each extra are there; none of them has to be."""
+    found: dict[str, list[str]] = {}
+    for line in _requirements():
+        if (match := re.match(r"([\w.-]+).*;\s*extra == ['\"](\w+)['\"]", line)) and match[2] not in NOT_LISTED:
+            found.setdefault(match[2], []).append(match[1])
+    there = {str(one.metadata["Name"]).lower().replace("_", "-") for one in importlib.metadata.distributions()}
+    for extra, names in sorted(found.items()):
+        lacking = [name for name in names if name.lower().replace("_", "-") not in there]
+        told = f"lacks {', '.join(lacking)}: pip install 'voxgran[{extra}]'" if lacking else "installed"
+        yield Finding(f"[{extra}]", told)
 
 
 def _numbers(version: str) -> tuple[int, ...]:

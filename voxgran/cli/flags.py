@@ -85,6 +85,7 @@ PACKING: tuple[Flag, ...] = (
     _flag("file", help="a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"),
     _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
     _flag("--unit", help="unit of lengths of such spheres"),
+    _flag("--shrink", action="store_true", help="make such spheres smaller by one factor, until none overlap"),
 )
 #: engine, and what a simulation needs beside its material
 ENGINE = _flag("--engine", default="lammps", help="engine; 'voxgran engines' lists them")
@@ -304,10 +305,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--retry", action="store_true", help="compute runs that failed again"),
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),
-    "bench": (
-        _flag("name", help="trade-off, such as settle; any other word lists them"),
-        _flag("-o", "--output", default="bench", help="folder"),
-    ),
+    "bench": (_flag("name", help="trade-off, such as settle"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
     "data": (
         _flag("name", nargs="?", help="such as eros.obj or itokawa_lp.obj; default: the files are listed"),

@@ -93,6 +93,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
                 added.complete = load("shtab").FILE  # type: ignore[attr-defined]
         if name == "shape":
             _add_family(sub, named)
+        if name == "bench" and named[:1] == ["bench"]:
+            sub.epilog = f"trade-offs:\n  {', '.join(_trade_offs())}\n\n{sub.epilog}"
         if name == "settle":
             _add_parameters(sub, Settling)
         if name == "compress":
@@ -188,6 +190,13 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
             for name in item.names:
                 text = parameter_text(item).replace("%", "%%") if name == item.name else argparse.SUPPRESS
                 sub.add_argument("--" + name.replace("_", "-"), dest=name, type=as_value, help=text)
+
+
+def _trade_offs() -> Sequence[str]:
+    """Return the names of all trade-offs."""
+    from voxgran.bench.model import trade_offs
+
+    return trade_offs().names()
 
 
 def _clump_parameters(words: Sequence[str]) -> type:

@@ -32,7 +32,8 @@ def study(options: argparse.Namespace) -> int:
     with progress(options, timed=False) as on_step:
         result = made.run(options.output, on_step=on_step, **{name: getattr(options, name) for name in names})
     failed = result.failures
-    result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)
+    name = Path(options.file).stem
+    result.write_page(title="Study" if name == "study" else f"Study {name}", overwrite=True)
     if not options.json:
         rows = _means(result)
         table(rows[:MOST_ROWS])

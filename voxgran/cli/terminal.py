@@ -188,7 +188,7 @@ def complain(sentence: str) -> None:
 
 def loaded(options: argparse.Namespace) -> Any:
     """Load a packing; say on the error stream what was assumed."""
-    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
+    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic, shrink=options.shrink)
     say_assumed(packing)
     return packing
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import as_number, check_type
+from voxgran._base.arithmetic import linear
+from voxgran._base.arrays import Floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.progress import OnStep, reported, silent
@@ -17,6 +18,7 @@ from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
 from voxgran.contacts.walls import escape_depths
+from voxgran.containers.model import periods_of
 
 #: number of the worst pairs and escapes that are listed
 LISTED = 20
@@ -89,6 +91,9 @@ class Verification(ExplainedAttributes):
         Number of pairs that were close enough for an exact test.
     mean_diameter : float
         Unit of all depths, in the unit of lengths.
+    touching_at : float
+        Factor on the sizes of all grains, in place, at which none of these pairs and grains overlap or protrude any
+        more; 1 if there are none. It is exact for spheres, and an estimate from the depths for other grains.
     """
 
     ok: bool
@@ -102,6 +107,7 @@ class Verification(ExplainedAttributes):
     count: int
     pair_tests: int
     mean_diameter: float
+    touching_at: float
 
     def summary(self) -> str:
         """Return the findings as a few lines of text."""
@@ -109,7 +115,9 @@ class Verification(ExplainedAttributes):
         if self.ok:
             return f"ok: no overlap, no escape ({head})"
         pairs = f"{self.overlapping_pairs} overlapping pairs (deepest {self.deepest:.3g})"
-        lines = [f"not ok: {pairs}, {self.escaped} escaped grains (farthest {self.largest_escape:.3g}) ({head})"]
+        smaller = f"touching at 1 - {1.0 - self.touching_at:.2g}"
+        farthest = f"(farthest {self.largest_escape:.3g})"
+        lines = [f"not ok: {pairs}, {self.escaped} escaped grains {farthest}, {smaller} ({head})"]
         for pair in self.pairs:
             image = f" (image {pair.image})" if any(pair.image) else ""
             lines.append(f"  grains {pair.i} and {pair.j}{image}: {pair.depth:.3g} deep")
@@ -178,6 +186,11 @@ def verify(
     bad = depth > limit
     escape = np.where(packing.movable, escape_depths(packing) / mean, -np.inf)
     out = np.flatnonzero(escape > limit)
+    deep = contacts.where(bad)
+    offset = packing.position[deep.j] - packing.position[deep.i]
+    offset += linear.matmul(deep.image, periods_of(packing.container))
+    to_partner = linear.einsum("ki,ki->k", offset, deep.normal)
+    to_wall = -packing.container.signed_distance(packing.position[out])
     worst = np.flatnonzero(bad)[np.argsort(-depth[bad], kind="stable")][:LISTED]
     farthest = out[np.argsort(-escape[out], kind="stable")][:LISTED]
     return Verification(
@@ -200,4 +213,11 @@ def verify(
         count=packing.count,
         pair_tests=near.count,
         mean_diameter=mean,
+        touching_at=min(_factor(to_partner, -deep.gap), _factor(to_wall, mean * escape[out])),
     )
+
+
+def _factor(reach: Floats, depth: Floats) -> float:
+    """Return the factor on the sizes of grains at which none has a depth, by their distances to partners or walls."""
+    inward = np.maximum(reach, 0.0)
+    return float((inward / (inward + depth)).min(initial=1.0))

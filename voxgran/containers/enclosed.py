@@ -5,6 +5,7 @@ left of it without the wall is the outside, which reaches the sides of the block
 floor close. The sum of solids is that of manifold3d, in double precision.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.lazy import load
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.bodies import split
 from voxgran.shapes.repairing.holes import closed_loop, hole_loops
 from voxgran.shapes.winding import winding_numbers
 
@@ -30,47 +32,34 @@ THIN, HOLLOW, CLEAR = 0.5, 2.0, 1e-3
 
 #: vertices and triangles of a closed surface
 Triangles = tuple[Floats, Integers]
+#: vertices and triangles of a connected surface, and whether it is open
+Shell = tuple[Floats, Integers, bool]
 
 
 class Wall:
-    """A wall, a closed surface, and the spaces that it encloses.
+    """A wall, a solid, and the spaces that it encloses.
 
     Attributes
     ----------
     low, high : float
         Its ends along the upward direction.
-
-    Raises
-    ------
-    DirtyMeshError
-        If the surface is not closed.
     """
 
-    def __init__(self, mesh: Triangles, up: Floats) -> None:
-        library = load("manifold3d")
-        self.up, (self.vertices, faces) = up, mesh
-        self.solid = library.Manifold(library.Mesh64(self.vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
-        if self.solid.status() != library.Error.NoError:
-            raise DirtyMeshError(
-                f"wall is no closed surface once its rims are closed ({self.solid.status().name}): mend it with "
-                "vg.repair, or 'voxgran repair' at the prompt"
-            )
-        height = linear.matmul(self.vertices, up)
+    def __init__(self, solid: Any, up: Floats) -> None:
+        self.up, self.solid = up, solid
+        vertices = _triangles(solid)[0]
+        height = linear.matmul(vertices, up)
         self.low, self.high = float(height.min()), float(height.max())
-        lower, upper = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
         margin = float(linear.norm(upper - lower))
         self.corner = lower - margin
-        self.block = library.Manifold.cube((upper - lower + 2 * margin).tolist()).translate(self.corner.tolist())
+        cube = load("manifold3d").Manifold.cube
+        self.block = cube((upper - lower + 2 * margin).tolist()).translate(self.corner.tolist())
 
     def space(self, floor: float, lid: float, point: Floats | None) -> Triangles | None:
         """Return the space between two levels that holds a point, or the largest one; None if there is none."""
-        block = self.block.trim_by_plane((-self.up).tolist(), -lid).trim_by_plane(self.up.tolist(), floor)
-        parts = [_triangles(part) for part in (block - self.solid).decompose() if not part.is_empty()]
-        solids = [part for part in parts if _volume(part) > 0 and (part[0].min(axis=0) > self.corner).all()]
-        if point is not None:
-            solids = [part for part in solids if _holds(part, point)]
-        # a wall is one piece, so that nothing stands in a space without touching its sides
-        return max(solids, key=_volume, default=None)
+        left = _between(self.block, self.up, floor, lid) - self.solid
+        return _chosen([part for part in _parts(left) if (part[0].min(axis=0) > self.corner).all()], point)
 
     def highest(self, floor: float | None, point: Floats | None) -> Triangles | None:
         """Return the space below the highest lid at which it is largest; None if there is none."""
@@ -95,29 +84,36 @@ class Wall:
         return found
 
 
-def enclosed(shape: Shape, up: Floats, *, lid: float | None, floor: float | None, point: Floats | None) -> Shape | None:
-    """Return the space that a wall encloses, as a shape whose offset places it; None if there is none.
+def enclosed(
+    shells: Sequence[Shell], up: Floats, *, lid: float | None, floor: float | None, point: Floats | None
+) -> Triangles | None:
+    """Return the space that a wall of several shells encloses, the part that holds a point or the largest one; None if
+    there is none.
+
+    A shell within the material of others is a cavity in it. Open shells without thickness bound the space themselves.
 
     Raises
     ------
     DirtyMeshError
-        If the surface is not closed once its rims are.
+        If a shell is not closed once its rims are.
     """
-    mesh = _closed(shape, up) if shape.is_open else _placed(shape)
-    wall = Wall(mesh, up)
+    thick = [_solid((vertices, faces)) for vertices, faces, is_open in shells if not is_open]
+    thin = [_closed(vertices, faces, up) for vertices, faces, is_open in shells if is_open]
+    material = _nested(thick + thin)
+    if material.is_empty():
+        return None
+    wall, inside = Wall(material, up), _nested(thin)
     # levels far from the wall cut no more than those above and below it
     ends = 2 * wall.low - wall.high, 2 * wall.high - wall.low
     lid, floor = (None if level is None else min(max(level, ends[0]), ends[1]) for level in (lid, floor))
+    if not inside.is_empty():
+        largest = wall.highest(None, None)
+        if largest is None or _volume(largest) < inside.volume():
+            left = _between(inside, up, ends[0] if floor is None else floor, ends[1] if lid is None else lid)
+            return _chosen(_parts(left - _nested(thick)), point)
     if lid is None:
-        found = wall.highest(floor, point)
-    else:
-        found = wall.space(wall.low + COARSE * (wall.high - wall.low) if floor is None else floor, lid, point)
-    if shape.is_open and (found is None or _volume(found) < abs(wall.solid.volume())):
-        # a shell without thickness is the boundary of the space itself
-        found = _within(wall, lid, floor)
-    if found is None:
-        return None
-    return Shape.from_mesh(*found, name=f"inside of {shape.name}", unit=shape.unit)
+        return wall.highest(floor, point)
+    return wall.space(wall.low + COARSE * (wall.high - wall.low) if floor is None else floor, lid, point)
 
 
 def wall_around(shape: Shape) -> float:
@@ -127,28 +123,50 @@ def wall_around(shape: Shape) -> float:
         return 0.0
     most = 0.0
     for up in np.eye(3):
-        wall = Wall(_placed(shape), up)
+        wall = Wall(_solid(placed(shape)), up)
         inset = CLEAR * (wall.high - wall.low)
         found = wall.space(wall.low + inset, wall.high - inset, None)
         most = max(most, 0.0 if found is None else _volume(found))
     return most if most > HOLLOW * shape.volume else 0.0
 
 
-def _within(wall: Wall, lid: float | None, floor: float | None) -> Triangles | None:
-    """Return what a closed surface bounds, between two levels."""
-    inside = wall.solid
-    if lid is not None:
-        inside = inside.trim_by_plane((-wall.up).tolist(), -lid)
-    if floor is not None:
-        inside = inside.trim_by_plane(wall.up.tolist(), floor)
-    return None if inside.is_empty() else _triangles(inside)
+def _between(solid: Any, up: Floats, floor: float, lid: float) -> Any:
+    """Return what of a solid lies between two levels."""
+    return solid.trim_by_plane((-up).tolist(), -lid).trim_by_plane(up.tolist(), floor)
 
 
-def _closed(shape: Shape, up: Floats) -> Triangles:
-    """Return an open surface with its rims closed: the highest one by a plane across gravity at its lowest point, the
-    others by triangles of least area.
+def _solid(mesh: Triangles) -> Any:
+    """Return the solid that a closed surface bounds, however its faces are wound.
+
+    Raises
+    ------
+    DirtyMeshError
+        If it is not closed.
     """
-    vertices, faces = _placed(shape)
+    library, (vertices, faces) = load("manifold3d"), mesh
+    wound = faces[:, ::-1] if _volume(mesh) < 0 else faces
+    solid = library.Manifold(library.Mesh64(vertices, np.ascontiguousarray(wound, dtype=np.uint64)))
+    if solid.status() != library.Error.NoError:
+        raise DirtyMeshError(
+            f"wall is no closed surface once its rims are closed ({solid.status().name}): mend it with "
+            "vg.repair, or 'voxgran repair' at the prompt"
+        )
+    return solid
+
+
+def _nested(solids: Sequence[Any]) -> Any:
+    """Return the sum of solids, from which those within it, cavities, are taken."""
+    total = load("manifold3d").Manifold()
+    for solid in sorted(solids, key=lambda one: -one.volume()):
+        is_within = (solid - total).volume() <= SAME * solid.volume()
+        total = total - solid if is_within else total + solid
+    return total
+
+
+def _closed(vertices: Floats, faces: Integers, up: Floats) -> Any:
+    """Return the solid of an open surface with its rims closed: the highest one by a plane across gravity at its lowest
+    point, the others by triangles of least area.
+    """
     height = linear.matmul(vertices, up)
     tall = float(np.ptp(height))
     loops, levels = hole_loops(faces, len(vertices)), []
@@ -158,16 +176,25 @@ def _closed(shape: Shape, up: Floats) -> Triangles:
         level = height[loop]
         if level.mean() > (height.min() + height.max()) / 2 and np.ptp(level) > FLAT * tall:
             levels.append((float(level.mean()), float(level.min())))
-    if _volume((vertices, faces)) < 0:
-        faces = faces[:, ::-1]
-    if not levels:
-        return vertices, faces
-    return _triangles(Wall((vertices, faces), up).solid.trim_by_plane((-up).tolist(), -max(levels)[1]))
+    solid = _solid((vertices, faces))
+    return solid.trim_by_plane((-up).tolist(), -max(levels)[1]) if levels else solid
 
 
-def _placed(shape: Shape) -> Triangles:
+def placed(shape: Shape) -> Triangles:
     """Return the triangles of a shape where they were made."""
     return shape.vertices + np.array(shape.offset), shape.faces
+
+
+def _parts(solid: Any) -> list[Triangles]:
+    """Return the connected parts of a solid, each with its cavities."""
+    parts = [_triangles(part) for part in solid.decompose() if not part.is_empty()]
+    return split(*_triangles(solid)) if any(_volume(part) < 0 for part in parts) else parts
+
+
+def _chosen(parts: list[Triangles], point: Floats | None) -> Triangles | None:
+    """Return the part that holds a point, or the largest one; None if there is none."""
+    held = parts if point is None else [part for part in parts if _holds(part, point)]
+    return max(held, key=_volume, default=None)
 
 
 def _triangles(solid: Any) -> Triangles:

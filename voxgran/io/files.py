@@ -3,16 +3,20 @@
 import logging
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from voxgran._base.arrays import as_flag
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file, output_suffix, unpacked
+from voxgran._base.files import as_path, existing_file, output_suffix, unpacked
+from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container, package_of
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.mercury_files import is_mercury, read_mercury
 from voxgran.io.particles import Particles, packing_of
+from voxgran.io.sphere_packs import is_shape_pack, read_shape_pack
 from voxgran.io.spheres import owned_spheres, save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
@@ -24,6 +28,8 @@ log = logging.getLogger(__name__)
 
 #: what is written, for messages
 KEPT = "packings are kept"
+#: suffixes of meshes that PyVista writes
+MESHES = (".stl", ".ply", ".obj", ".vtk")
 _WRITERS: dict[str, Callable[..., None]] = {
     ".vtp": save_packing,
     ".txt": save_spheres,
@@ -39,6 +45,8 @@ _OTHERS = {
     **dict.fromkeys((".stl", ".obj", ".off", ".ply", ".msh"), _SHAPE),
     **dict.fromkeys((".tif", ".tiff", ".png", ".npy", ".npz", ".nrrd", ".vti"), _IMAGE),
 }
+#: least factor on sizes by which grains that overlap are made smaller
+LEAST_FACTOR = 0.9
 #: bytes that are looked at to recognize a file
 _HEAD = 4096
 
@@ -54,8 +62,9 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
         ``x y z r``, clumps with a fifth column, and disks as ``x y r``. A ``.csv`` is a table with the names of the
-        columns in its first line, as pandas reads it, without unit and container, its periodic axes and tilt among it:
-        give these to :func:`load`.
+        columns in its first line, as pandas reads it, without unit and container, its periodic axes among it: give
+        these to :func:`load`. Where the container is tilted, they stand in comments before that line, which pandas
+        reads with ``comment="#"``.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -70,11 +79,6 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
-
-    Warns
-    -----
-    PackingWarning
-        If a ``.csv`` leaves out the tilt of a container.
 
     Examples
     --------
@@ -98,7 +102,13 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
     InputError
         If the path is no path.
     """
-    return output_suffix(path, _WRITERS, KEPT)
+    try:
+        return output_suffix(path, _WRITERS, KEPT)
+    except FileFormatError as error:
+        if as_path(path).suffix.lower() in MESHES:
+            way = f"packing.to_pyvista().save({str(path)!r})"
+            raise FileFormatError(f"{error}, or write the surfaces of all grains by {way}") from None
+        raise
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
@@ -111,6 +121,7 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
+    known_suffix(path)
     output_suffix(path, _WRITERS, KEPT, overwrite=overwrite)
 
 
@@ -139,6 +150,7 @@ def load(
     unit: str | None = None,
     periodic: Periodic | None = None,
     frame: int = -1,
+    shrink: bool = False,
 ) -> Packing:
     """Read a packing from a file, of voxgran or of another program.
 
@@ -146,7 +158,8 @@ def load(
     ----------
     path : path-like
         Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
-        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; a data file of MercuryDPM; extended XYZ
+        ``x y z r clumpId``, CSV with a header, each with the line ``##PERIODIC::`` of YADE and Woo, and Woo's
+        ``number Sphere x y z r``); a LAMMPS data or dump file; a data file of MercuryDPM; extended XYZ
         with radii; ``.vtp``, ``.vtu`` or ``.vtk`` points with radii; a ``.xyzd`` of PackingGeneration; and a ``.gz`` of
         any of these. The file of one clump is read by :func:`load_shape`.
     container : Container, optional
@@ -158,6 +171,9 @@ def load(
         :class:`voxgran.Box`; default: as the file says, or else none.
     frame : int
         Which frame of a file with several, as of LAMMPS, MercuryDPM and XYZ, from 0; negative: from the end.
+    shrink : bool
+        Whether spheres and clumps of another program are made smaller in place, by one factor, until :func:`verify`
+        finds no overlap: radii that were rounded, as those of published packings, may overlap by a part in 1e8.
 
     Returns
     -------
@@ -172,8 +188,8 @@ def load(
     FileFormatError
         If the content is damaged, no packing, or of no known form.
     InputError
-        If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit, or the file
-        states another unit.
+        If a container, unit, axes or `shrink` are given for a file that voxgran wrote, which is read as it is, or do
+        not fit, the file states another unit, or grains overlap still at 0.9 of their sizes.
     MissingLibraryError
         If the container is of a package that is not installed; the message names it.
 
@@ -191,18 +207,40 @@ def load(
     10
     """
     found = existing_file(path)
-    given = {"container": container, "unit": unit, "periodic": periodic}
+    as_flag(shrink, "shrink")
+    given = {"container": container, "unit": unit, "periodic": periodic, "shrink": shrink or None}
     with unpacked(found) as plain:
         if plain.suffix.lower() == ".vtp" and is_own(plain):
             named = [name for name, value in given.items() if value is not None]
             if named:
-                raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
+                raise InputError(f"{named[0]} is given for {found}, which voxgran wrote: leave it out")
             return load_packing(plain)
         particles = _particles(plain, frame, found if plain == found else found.with_suffix(""))
     packing = packing_of(particles, found, container=container, unit=unit, periodic=periodic)
+    packing = _shrunk(packing, found) if shrink else packing
     for subject, sentence in packing.provenance.get("assumed", {}).items():
         log.info("%s: assumed %s: %s", found, subject, sentence)
     return packing
+
+
+def _shrunk(packing: Packing, path: Path) -> Packing:
+    """Return a packing with all grains smaller in place, by the largest factor at which none overlap or escape."""
+    factor, proof = 1.0, verify(packing)
+    while not proof.ok:
+        factor *= proof.touching_at
+        if factor < LEAST_FACTOR:
+            raise InputError(
+                f"shrink is true for {path}, whose grains overlap still at {factor:.3g} of their sizes: down to "
+                f"{LEAST_FACTOR:g} is allowed; leave it out"
+            )
+        proof = verify(smaller := replace(packing, scale=packing.scale * factor))
+    if factor == 1.0:
+        return packing
+    assumed = {
+        **packing.provenance.get("assumed", {}),
+        "shrinking": f"all sizes are multiplied by 1 - {1.0 - factor:.3g}, so that none overlap",
+    }
+    return replace(smaller, provenance={**packing.provenance, "assumed": assumed})
 
 
 def _particles(found: Path, frame: int, place: Path) -> Particles:
@@ -225,6 +263,8 @@ def _particles(found: Path, frame: int, place: Path) -> Particles:
     for recognized, read in _WITH_FRAMES:
         if recognized(head):
             return read(found, frame=frame)
+    if is_shape_pack(head):
+        return read_shape_pack(found)
     return read_lammps_data(found) if is_data(head) else read_table(found)
 
 

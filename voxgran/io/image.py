@@ -19,7 +19,7 @@ from voxgran.lattice.grid import check_voxel_size
 from voxgran.lattice.image import as_block, as_edges, in_parts, lazy_of, stored
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing, check_packing
-from voxgran.shapes.images.image_files import image_library
+from voxgran.shapes.images.tiff_files import image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
 VOXEL_LIMIT = 4 * 10**9

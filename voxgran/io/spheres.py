@@ -6,7 +6,7 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError, PackingWarning, warn, with_article
+from voxgran._base.errors import InputError, with_article
 from voxgran._base.files import written_whole
 from voxgran.containers.model import saved_mapping, tilt_of
 from voxgran.io.tables import CONTAINER, FIELDS, UNIT
@@ -23,9 +23,10 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
     Where there are clumps, a fifth column tells the clump of each sphere, -1 for none, as YADE reads it. With the
     suffix ``.csv`` the file is a table with the names of the columns in its first line and values separated by commas,
-    as pandas and spreadsheets read it; else values are separated by blanks, and container, unit, gravity and contact
-    gap stand in comments at the top, where :func:`voxgran.load` finds them. Numbers have as many digits as read back to
-    the same bits. Mass properties of clumps that are not those of their spheres are not kept: a ``.vtp`` holds them.
+    as pandas and spreadsheets read it; else values are separated by blanks. Container, unit, gravity and contact gap
+    stand in comments at the top, where :func:`voxgran.load` finds them; in a table only if the container is tilted,
+    since no box around the spheres shows that. Numbers have as many digits as read back to the same bits. Mass
+    properties of clumps that are not those of their spheres are not kept: a ``.vtp`` holds them.
 
     Raises
     ------
@@ -36,11 +37,6 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
-
-    Warns
-    -----
-    PackingWarning
-        If a ``.csv`` leaves out the tilt of a container.
     """
     centers, radii, owner = owned_spheres(packing)
     names = ["x", "y", "z", "r"] if packing.dimension == 3 else ["x", "y", "r"]
@@ -48,18 +44,15 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     clump = np.where(np.bincount(owner, minlength=packing.count)[owner] > 1, owner, -1)
     if (clump >= 0).any():
         rows, names, form = np.column_stack([rows, clump]), [*names, "clumpId"], [*form, "%d"]
-    mark = "," if os.fspath(path).lower().endswith(".csv") else " "
+    is_table = os.fspath(path).lower().endswith(".csv")
+    mark = "," if is_table else " "
     head = f"{mark.join(names)}\n"
-    if mark == "," and any(tilt_of(packing.container)):
-        warn(
-            f"{os.fspath(path)} is a table without container, and its spheres do not tell the tilt of this one: save "
-            f"as .txt or .vtp, or give container={packing.container!r} to load",
-            PackingWarning,
-        )
-    if mark == " ":
+    if not is_table or any(tilt_of(packing.container)):
         held = json.dumps(saved_mapping(packing.container))
-        head = f"# {head}{UNIT}{packing.unit}\n{CONTAINER}{held}\n"
-        head += "".join(f"# {name} {json.dumps(getattr(packing, name))}\n" for name in FIELDS)
+        told = f"{UNIT}{packing.unit}\n{CONTAINER}{held}\n"
+        told += "".join(f"# {name} {json.dumps(getattr(packing, name))}\n" for name in FIELDS)
+        # names in a comment come first, as YADE writes them
+        head = told + head if is_table else f"# {head}{told}"
     with written_whole(path, overwrite=overwrite) as draft, draft.open("w", encoding="utf-8") as file:
         file.write(head)
         for start in range(0, len(rows), _ROWS_AT_ONCE):

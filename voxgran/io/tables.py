@@ -25,6 +25,7 @@ from voxgran.io.particles import (
     radii_of,
     refuse_bad_spheres,
 )
+from voxgran.io.sphere_packs import CELL, cell_of
 from voxgran.shapes.formats.columns import columns_of, places_of
 
 #: comments at the top in which :func:`save_spheres` keeps container, unit, and the fields gravity and contact gap
@@ -247,13 +248,16 @@ def _slow_rows(path: Path, layout: Layout) -> Floats:
 
 def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]:
     """Return container, unit and fields of the packing from the comments at the top."""
-    container, unit, fields = None, None, {}
+    container: Container | None = None
+    unit, fields = None, {}
     with path.open(encoding="utf-8-sig") as file:
         for number, line in enumerate(file, 1):
             if not line.startswith("#"):
                 break
             if line.startswith(UNIT):
                 unit = line.removeprefix(UNIT).strip("= \n")
+            elif line.startswith(CELL):
+                container = cell_of(line, path, number)
             elif line.startswith(CONTAINER):
                 container = _container(line.removeprefix(CONTAINER), path, number)
             elif container is not None and (words := line[1:].split(maxsplit=1)) and words[0] in FIELDS:

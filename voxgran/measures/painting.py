@@ -1,6 +1,7 @@
 """Labels of the grains of a packing on a lattice."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from voxgran.geometry.periods import face_distances, upright_turns
 from voxgran.lattice.grid import Grid
 from voxgran.packing.model import Packing
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.occupy import occupy
+from voxgran.voxels.occupy import centers_in, occupy
 
 
 def labels_on(
@@ -93,40 +94,32 @@ def _paint_other(
     counts: Integers,
     start: Integers,
 ) -> None:
-    """Paint one grain of any shape; each periodic image is voxelized where it lies on the lattice.
-
-    Along axes whose edge of a voxel is not that of the others, the centers of one layer at a time lie on a lattice of
-    cubes.
-    """
+    """Paint one grain of any shape; each periodic image is voxelized where it lies on the lattice."""
     shape, reach = packing.shapes[packing.shape_id[grain]], float(packing.bounding_radii[grain])
+    pose: dict[str, Any] = {"scale": float(packing.scale[grain]), "rotation": packing.orientation[grain]}
     flat = packing.dimension == 2
-    size = float(max(edges, key=edges.tolist().count))
-    layered = (edges != size) & (not flat or np.arange(3) < 2)
+    cubes = bool((edges == edges[0])[: packing.dimension].all())
     for shift in shifts:
         place = packing.position[grain] + shift
         low = np.maximum(np.floor((place - reach) / edges).astype(int) - 1, 0)
         high = np.minimum(np.ceil((place + reach) / edges).astype(int) + 1, counts)
         if flat:
             low[2], high[2] = 0, 1
-        if (low >= high).any():
+        # the whole grain is voxelized, so that round-off is the same in each part
+        inner, outer = np.maximum(low, start), np.minimum(high, start + image.shape)
+        if (inner >= outer).any():
             continue
-        for layer in np.ndindex(*np.where(layered, high - low, 1)):
-            first = low + np.array(layer)
-            last = np.where(layered, first + 1, high)
-            # the whole grain is voxelized, so that round-off is the same in each part
-            inner, outer = np.maximum(first, start), np.minimum(last, start + image.shape)
-            if (inner >= outer).any():
-                continue
-            corner = np.where(layered, (first + 0.5) * edges - size / 2, first * edges)
-            x, y, z = (float(value) for value in corner - place)
-            nx, ny, nz = (int(value) for value in last - first)
-            local = Grid((x, y, 0.0 if flat else z), size, (nx, ny, nz))
-            mask = occupy(
-                shape, local, scale=float(packing.scale[grain]), rotation=packing.orientation[grain], cover="center"
-            )
-            mask = mask[tuple(slice(a, b) for a, b in zip(inner - first, outer - first, strict=True))]
-            window = image[tuple(slice(a, b) for a, b in zip(inner - start, outer - start, strict=True))]
-            window[mask & ((window == 0) | (window > grain + 1))] = grain + 1
+        corner = low * edges - place
+        nx, ny, nz = (int(value) for value in high - low)
+        if cubes:
+            x, y, z = (float(value) for value in corner)
+            local = Grid((x, y, 0.0 if flat else z), float(edges[0]), (nx, ny, nz))
+            mask = occupy(shape, local, cover="center", **pose)
+        else:
+            mask = centers_in(shape, corner, edges, (nx, ny, nz), **pose)
+        mask = mask[tuple(slice(a, b) for a, b in zip(inner - low, outer - low, strict=True))]
+        window = image[tuple(slice(a, b) for a, b in zip(inner - start, outer - start, strict=True))]
+        window[mask & ((window == 0) | (window > grain + 1))] = grain + 1
 
 
 @kernel

@@ -59,6 +59,10 @@ class Grain(ExplainedAttributes):
         "radius": "grain.diameter / 2",
         "volume": "grain.shape.volume * grain.scale**3",
     }
+    #: what is said where the shape of a grain is taken for it
+    _without_place: ClassVar[str] = (
+        ", which is not at its size and place; packing[[k]].to_pyvista() is the surface of grain k there"
+    )
 
     shape: Shape
     position: Floats

@@ -215,6 +215,7 @@ def proof_rows(verification: "Verification") -> list[Fact]:
         "count": "grains that were looked at",
         "pair_tests": "pairs near enough for an exact test",
         "mean_diameter": "the unit of depths, in the unit of lengths",
+        "touching_at": "factor on all sizes at which none overlap or escape",
     }
     rows = []
     for field in dataclasses.fields(verification):

@@ -1,5 +1,6 @@
 """Pictures of slices of a segmented image, with the outlines of its grains."""
 
+import math
 import os
 from typing import Any
 
@@ -18,6 +19,8 @@ from voxgran.report.stage import check_picture_path
 
 #: number of slices, in two rows
 SLICES = 6
+#: inches of a panel that is as wide as it is high, fewest, which a title takes, and most of one that is not
+PANEL, LEAST_PANEL, MOST_PANEL = 4.2, 1.8, 8.4
 #: colours of outlines: of grains, of pairs that may be one, of grains that may be several
 GRAIN, ONE, SEVERAL = DISTINCT[5], DISTINCT[3], DISTINCT[1]
 WORDS = {GRAIN: "grain", ONE: "perhaps one grain with a neighbour", SEVERAL: "perhaps several grains"}
@@ -76,8 +79,12 @@ def save_slices(
         )
     kinds = kinds_of(segmentation)
     low, high = float(grey.min()), float(grey.max())
-    figure = load("matplotlib.figure").Figure(figsize=(13.5, 9.6), layout="constrained")
     edges = segmentation.voxel_size or (1.0, 1.0, 1.0)
+    # the panels are as large as usual ones, and as wide or narrow as the slices; titles have room above narrow ones
+    ratio = math.sqrt(labels.shape[0] * edges[0] / (labels.shape[1] * edges[1]))
+    wide, tall = max(PANEL * ratio, LEAST_PANEL), max(PANEL / ratio, LEAST_PANEL)
+    size = (SLICES // 2 * (min(wide, MOST_PANEL) + 0.4), 2 * (min(tall, MOST_PANEL) + 0.6) + 0.5)
+    figure = load("matplotlib.figure").Figure(figsize=size, layout="constrained")
     unit = "voxels" if segmentation.voxel_size is None else segmentation.unit or "units of length"
     extent = (0.0, labels.shape[0] * edges[0], 0.0, labels.shape[1] * edges[1])
     is_suspect = kinds > 1

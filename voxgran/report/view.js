@@ -85,13 +85,22 @@
   const values = (p, k) => p.values.subarray(k * p.grain.length, (k + 1) * p.grain.length);
 
   // Return smallest and largest value over all packings, so that one colour is one value.
-  function limits(name) {
+  function range(name) {
     let low = Infinity, high = -Infinity;
     for (const p of state.packings) {
       const k = p.colors.findIndex((color) => color.name === name);
       if (k >= 0) for (const v of values(p, k)) { low = Math.min(low, v); high = Math.max(high, v); }
     }
-    return low < high ? [low, high] : [low - 0.5 * Math.abs(low) - 0.5, high + 0.5 * Math.abs(high) + 0.5];
+    return [low, high];
+  }
+
+  // Return whether values are equal, but for the digits of a number of 32 bits.
+  const same = ([low, high]) => !(high - low > 1e-6 * Math.abs(high));
+
+  // Return the values of the darkest and the brightest colour: a single value lies between them.
+  function limits(name) {
+    const [low, high] = range(name);
+    return same([low, high]) ? [low - 0.5 * Math.abs(low) - 0.5, high + 0.5 * Math.abs(high) + 0.5] : [low, high];
   }
 
   function intensity(p, k) {
@@ -222,10 +231,11 @@
   }
 
   function say() {
-    const p = here(), color = p.colors[shade()], [low, high] = limits(color.name);
+    const p = here(), color = p.colors[shade()], ends = range(color.name), known = ends[0] <= ends[1];
     find("legend").textContent = "Colour: " + color.label;
-    find("low").textContent = withUnit(low, color.unit);
-    find("high").textContent = withUnit(high, color.unit);
+    find("low").parentElement.classList.toggle("single", same(ends));
+    find("low").textContent = known ? withUnit(ends[0], color.unit) : "";
+    find("high").textContent = same(ends) ? "" : withUnit(ends[1], color.unit);
     AXES.forEach((name, axis) => {
       if (find("at-" + name)) {
         find("at-" + name).textContent = whole(name) ? "all" : withUnit(p.middle[axis] + plane(p, axis) * p.length, p.unit);

@@ -17,17 +17,18 @@ from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
 from voxgran._base.units import as_unit
 from voxgran.containers.gravity import proposed_axis
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, make_container
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.write import refuse_unheld
 from voxgran.packing.compress import compress
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.keys import Measured, Settled, names_of, refuse_unknown
+from voxgran.scene.keys import Measured, Mistakes, Settled, names_of, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, Settling
+from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 T = TypeVar("T")
 
@@ -111,12 +112,61 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): {mend}") from error
 
 
+def sizes_section(mapping: Mapping[str, Any], place: Path) -> tuple[SizeDistribution | None, str]:
+    """Return the distribution of [sizes], whose file is in the unit of [scene] unless it says another, and what shares
+    are of.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule.
+    """
+    sizes = dict(mapping.get("sizes", {}))
+    share_by = share_by_of(sizes.pop("share_by", "number"))
+    if "file" in sizes and (unit := dict(mapping.get("scene", {})).get("unit")) is not None:
+        sizes.setdefault("unit", unit)
+    return make_sizes(with_file(sizes, place)) if sizes else None, share_by
+
+
+def container_section(section: Any, place: Path) -> tuple[Container, Any]:
+    """Return the container, and its key `material`.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule.
+    """
+    held = with_file(section, place)
+    walls = held.pop("material", None)
+    return make_container(held), walls
+
+
+def sections_of_packed(
+    mapping: Mapping[str, Any], mistakes: Mistakes, how: tuple[str, type | None, Container | None, Mapping[str, Any]]
+) -> tuple[Settling | Literal[False] | None, Compression | None]:
+    """Return what [settle] and [compress] say, by method, its parameter class, container and friction; None of the one
+    whose mistake is kept.
+    """
+    settled: Settling | Literal[False] | None = None
+    compressed = None
+    with mistakes.part("[settle]"):
+        settled = settle_section(mapping.get("settle"), *how)
+    with mistakes.part("[compress]"):
+        compressed = compress_section(mapping.get("compress"), *how)
+    return settled, compressed
+
+
 def settle_section(
-    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container, friction: Mapping[str, Any]
+    mapping: Mapping[str, Any] | None,
+    method: str,
+    parameters: type | None,
+    container: Container | None,
+    friction: Mapping[str, Any],
 ) -> Settling | Literal[False] | None:
     """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out.
 
-    friction: that of named materials, by its name, which holds where the section says nothing of it.
+    friction: that of named materials, by its name, which holds where the section says nothing of it. Where the method's
+    parameter class or the container cannot be read, they are None, and only the section itself is checked.
 
     Raises
     ------
@@ -127,20 +177,22 @@ def settle_section(
     """
     if mapping is None:
         # a method that builds beds lets them settle unasked
-        builds = friction and not issubclass(parameters, Settling) and method_registry().get(method).builds_bed
+        settles = parameters is None or issubclass(parameters, Settling)
+        builds = friction and not settles and method_registry().get(method).builds_bed
         return Settling(**friction) if builds else None
     given = dict(mapping)
     enabled = given.pop("enabled", True)
     if not isinstance(enabled, bool):
         raise InputError(f"[settle] enabled is {shown(enabled)}: it must be true or false; change it")
-    if issubclass(parameters, Settling):
+    if parameters is not None and issubclass(parameters, Settling):
         raise InputError(
             f"[settle] and method {method!r}: its grains settle as they are packed; write these keys in [packing]"
         )
-    if enabled and not any(item.name == "gravity" for item in parameters_of(parameters)):
+    if enabled and parameters and not any(item.name == "gravity" for item in parameters_of(parameters)):
+        axis = "-z" if container is None else proposed_axis(container)
         raise InputError(
             f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
-            f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
+            f"with 'voxgran settle out/packing.vtp --gravity {axis} -o settled.vtp'"
         )
     refuse_unknown(given, "[settle]", Settling, beside=names_of(Settled))
     settling = from_mapping(Settling, {**friction, **given}, "[settle]")
@@ -148,7 +200,11 @@ def settle_section(
 
 
 def compress_section(
-    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container, friction: Mapping[str, Any]
+    mapping: Mapping[str, Any] | None,
+    method: str,
+    parameters: type | None,
+    container: Container | None,
+    friction: Mapping[str, Any],
 ) -> Compression | None:
     """Return what the section [compress] says; None where it is left out.
 
@@ -162,7 +218,7 @@ def compress_section(
     """
     if mapping is None:
         return None
-    if issubclass(parameters, Compression):
+    if parameters is not None and issubclass(parameters, Compression):
         raise InputError(
             f"[compress] and method {method!r}: its grains are compressed as they are packed; write these keys in "
             "[packing]"
@@ -170,7 +226,8 @@ def compress_section(
     refuse_unknown(mapping, "[compress]", Compression)
     how = from_mapping(Compression, {**friction, **mapping}, "[compress]")
     how.refuse_known_friction()
-    how.modes_of(container)
+    if container is not None:
+        how.modes_of(container)
     return how
 
 

@@ -12,22 +12,21 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest
 from voxgran._base.files import existing_file
 from voxgran.contacts.assembly import NOT_STATED
-from voxgran.containers.model import Container, make_container
+from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.checked_sections import (
-    compress_section,
+    container_section,
     general_section,
     measure_section,
     read_toml,
     refuse_engines,
     section_of,
-    settle_section,
-    share_by_of,
-    with_file,
+    sections_of_packed,
+    sizes_section,
 )
 from voxgran.scene.entries import (
     ALONE_IN_PACKING,
@@ -50,7 +49,7 @@ from voxgran.scene.twins.section import TwinEntry, twin_scene
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, Settling
-from voxgran.shapes.sizes import SizeDistribution, make_sizes
+from voxgran.shapes.sizes import SizeDistribution
 
 SECTIONS = (
     *("scene", "shape", "sizes", "orientations", "grains", "layer", "container", "obstacle"),
@@ -199,23 +198,20 @@ class SceneDescription(ExplainedAttributes):
         if "twin" in mapping:
             return cls(**twin_scene(mapping, Path(folder)))
         place, mistakes, shapes, walls = Path(folder), Mistakes(), tuple[ShapeEntry, ...](), None
+        parameters: type | None = None
+        container: Container | None = None
+        method, friction = "", dict[str, Any]()
         with mistakes.part():
             general = general_section(mapping.get("scene", {}))
         with mistakes.part():
             shapes = shape_entries(mapping["shape"], place) if "shape" in mapping else shapes
         with mistakes.part("[sizes]"):
-            sizes = dict(mapping.get("sizes", {}))
-            share_by = share_by_of(sizes.pop("share_by", "number"))
-            if "file" in sizes and (unit := dict(mapping.get("scene", {})).get("unit")) is not None:
-                sizes.setdefault("unit", unit)
-            law = make_sizes(with_file(sizes, place)) if sizes else None
+            law, share_by = sizes_section(mapping, place)
         with mistakes.part():
             oriented = _orientations(mapping)
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
-            held = with_file(mapping["container"], place)
-            walls = held.pop("material", None)
-            container = make_container(held)
+            container, walls = container_section(mapping["container"], place)
             obstacles = obstacle_entries(mapping.get("obstacle", ()), place, container.dimension)
         with mistakes.part():
             packing = dict(mapping["packing"])
@@ -228,12 +224,15 @@ class SceneDescription(ExplainedAttributes):
             # names of materials are told where all else can be read
             if not isinstance(section := mapping.get("material", {}), list) or not mistakes.found:
                 material = material_section(section, shapes, walls)
+                friction = {} if isinstance(material, Material) else {"friction": material}
         with mistakes.part():
             which = measure_section(mapping.get("measure", {}))
         with mistakes.part():
             output: Output = section_of(Output, mapping.get("output", {}), "[output]")
+        settle, compress = sections_of_packed(mapping, mistakes, (method, parameters, container, friction))
         mistakes.refuse()
-        friction = {} if isinstance(material, Material) else {"friction": material}
+        assert parameters is not None
+        assert container is not None
         refuse_engines(output, material, container)
         return cls(
             general=general,
@@ -247,8 +246,8 @@ class SceneDescription(ExplainedAttributes):
             obstacles=obstacles,
             method=method,
             parameters=(friction if issubclass(parameters, Settling | Compression) else {}) | given,
-            settle=settle_section(mapping.get("settle"), method, parameters, container, friction),
-            compress=compress_section(mapping.get("compress"), method, parameters, container, friction),
+            settle=settle,
+            compress=compress,
             which=which,
             material=material,
             output=output,

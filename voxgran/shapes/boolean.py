@@ -19,20 +19,33 @@ def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]
     DirtyMeshError
         If one of the surfaces is not closed.
     """
-    library = load("manifold3d")
-    solids: list[tuple[int, int, Any]] = []
-    for vertices, faces in meshes:
-        mesh = library.Mesh64(np.array(vertices, order="C"), np.array(faces, dtype=np.uint64, order="C"))
-        solid = library.Manifold(mesh)
-        if solid.status() != library.Error.NoError:
-            raise DirtyMeshError(
-                f"solid {len(solids)} is no closed surface ({solid.status().name}): a union needs closed "
-                "surfaces; mend it"
-            )
-        solids.append((len(faces), len(solids), solid))
+    solids = [(len(mesh[1]), place, _solid(mesh, place)) for place, mesh in enumerate(meshes)]
     result = _pairwise(solids).to_mesh64()
     vertices = np.array(result.vert_properties[:, :3], dtype=np.float64)
     return vertices, np.array(result.tri_verts, dtype=np.int64)
+
+
+def common_volume(one: tuple[Floats, Integers], other: tuple[Floats, Integers]) -> float:
+    """Return the volume that two closed surfaces have in common.
+
+    Raises
+    ------
+    DirtyMeshError
+        If one of the surfaces is not closed.
+    """
+    return float((_solid(one, 0) ^ _solid(other, 1)).volume())
+
+
+def _solid(mesh: tuple[Floats, Integers], place: int) -> Any:
+    """Return a closed surface, the one of a place in the order, as a solid of manifold3d."""
+    library, (vertices, faces) = load("manifold3d"), mesh
+    arrays = library.Mesh64(np.array(vertices, order="C"), np.array(faces, dtype=np.uint64, order="C"))
+    solid = library.Manifold(arrays)
+    if solid.status() != library.Error.NoError:
+        raise DirtyMeshError(
+            f"solid {place} is no closed surface ({solid.status().name}): a union needs closed surfaces; mend it"
+        )
+    return solid
 
 
 def _pairwise(solids: list[tuple[int, int, Any]]) -> Any:

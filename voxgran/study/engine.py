@@ -5,7 +5,6 @@ The folder of a study has one file for each run that is finished, under the hash
 
 import contextlib
 import hashlib
-import json
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -114,7 +113,8 @@ class Store:
     def read(self, key: str) -> Record | None:
         """Return what a run has left; None where it is not finished, its file is damaged or its packing is missing."""
         try:
-            seal, _, text = self.path(key).read_text(encoding="utf-8").partition("\n")
+            seal, _, rest = self.path(key).read_text(encoding="utf-8").partition("\n")
+            text = rest.removesuffix(END)
             record = from_text(text) if seal == _seal(text) else None
         except (OSError, ValueError, KeyError, TypeError):
             return None
@@ -135,7 +135,7 @@ class Store:
                 draft.write_bytes(packing)
         text = to_text(record, {"values": dict(values), "seed": run.seed, "scene": run.mapping})
         # a file that a power cut has damaged is found by its seal, and the run computed again
-        write_text(self.path(run.key), f"{_seal(text)}\n{text}", sync=False)
+        write_text(self.path(run.key), f"{_seal(text)}\n{text}{END}", sync=False)
 
     def refuse_other(self) -> None:
         """Refuse a folder that holds something and no study.
@@ -419,6 +419,10 @@ CELLS = "cells"
 CHECKPOINTS = "checkpoints"
 
 
+#: end of the file of a run
+END = "\n}\n"
+
+
 def _seal(text: str) -> str:
-    """Return the first line of a file, by which damage is found; it is JSON, too."""
-    return json.dumps({"sha256": hashlib.sha256(text.encode()).hexdigest()})
+    """Return the first line of a file, by which damage is found; the file as a whole is JSON."""
+    return f'{{"sha256": "{hashlib.sha256(text.encode()).hexdigest()}", "run":'

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import Dataset, load
 from voxgran.report import plots
@@ -123,6 +124,15 @@ def _values(dataset: "Dataset", variable: str, confidence: float, interval: Inte
     return _Values(mean, low, high, f"{title_of(dataset, variable)}{unit}")
 
 
+def _seconds(dataset: "Dataset", confidence: float, interval: Interval) -> _Values:
+    """Return the geometric means of the CPU times, whose intervals do not reach below 0 as those of few times do."""
+    times = dataset["seconds"]
+    logs = times.copy(data=libm.log(np.where(times.values > 0, times.values, np.nan)))
+    found = _values(dataset.assign(seconds=logs), "seconds", confidence, interval)
+    mean, low, high = (libm.exp(values) for values in (found.mean, found.low, found.high))
+    return _Values(mean, low, high, found.label)
+
+
 def figures_of(
     dataset: "Dataset",
     variable: str,
@@ -167,13 +177,13 @@ def figures_of(
     bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds."
     found = []
     if "seconds" in dataset:
-        seconds = _values(dataset, "seconds", confidence, interval)
+        seconds = _seconds(dataset, confidence, interval)
         draw = partial(_draw_against_seconds, points=points, density=density, seconds=seconds)
         svg = plots.svg_of(draw, f"{name}-against-seconds", size=size)
         title = f"{what} against CPU seconds"
-        _, beyond, _ = _shown(density, seconds)
-        arrows = " An arrow at the left border is an interval that goes on beyond it." * bool(len(beyond))
-        caption = f"{_capital(title)}, one marker a cell. {bars}{arrows}{_alike(dataset, points)}"
+        caption = (
+            f"{_capital(title)}, one marker a cell at the geometric mean of its times. {bars}{_alike(dataset, points)}"
+        )
         found.append(Figure(f"{variable}_against_seconds", svg, title, caption))
     marked = points.over_categories(dataset)
     draw = partial(_draw_by_category, points=points, marked=marked, density=density, bands=bands, placed=placed)
@@ -206,18 +216,9 @@ def _sources(bands: Sequence[Band]) -> str:
     return f" Grey bands are experiments: {'; '.join(told)}."
 
 
-def _shown(density: _Values, seconds: _Values) -> tuple[Integers, Integers, float]:
-    """Return the cells that have a density and a time, those of them whose interval of time goes on beyond the left
-    border, and the time that lies beyond it: Student's intervals of few values may reach below 0.
-    """
-    shown = np.flatnonzero(np.isfinite(density.mean) & (seconds.mean > 0))
-    least = float(seconds.mean[shown].min(initial=np.inf)) / MOST_LINEAR
-    return shown, shown[seconds.low[shown] <= least], least
-
-
 def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, seconds: _Values) -> None:
     """Draw the density of each cell against its CPU time."""
-    shown, beyond, least = _shown(density, seconds)
+    shown = np.flatnonzero(np.isfinite(density.mean) & np.isfinite(seconds.mean))
     for places, style in points.by_style(shown):
         axes.errorbar(
             seconds.mean[places],
@@ -231,12 +232,7 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
         )
     if len(shown):
         ends = np.concatenate([seconds.mean[shown], seconds.low[shown], seconds.high[shown]])
-        ends = ends[ends > least]
-        left = 0.8 * ends.min()
-        axes.set_xlim(left, 1.25 * ends.max())
-        for at in beyond.tolist():
-            look = {**points.style(at), "marker": "<", "markersize": 5}
-            axes.plot(left, density.mean[at], linestyle="none", clip_on=False, **look)
+        axes.set_xlim(0.8 * np.nanmin(ends), 1.25 * np.nanmax(ends))
     plots.set_log_scale(axes)
     axes.set(xlabel="CPU seconds", ylabel=density.label)
     _legend(axes, points, markers=True)

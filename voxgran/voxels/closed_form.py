@@ -41,23 +41,33 @@ def spheres_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> P
 
 def round_bits(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
     """Return the voxels whose center lies in a primitive other than a box, whose centroid has an offset, (3,)."""
-    bits = PackedMask.empty(grid.shape)
     middle = (offset - np.array(grid.origin)) / grid.voxel_size - 0.5
-    _fill_round(*round_parts(solid, grid.voxel_size), middle, bits.words, grid.shape[2])
+    return centers_in_round(solid, grid.voxel_size, middle, grid.shape)
+
+
+def centers_in_round(
+    solid: Primitive, edges: float | Floats, middle: Floats, counts: tuple[int, int, int]
+) -> PackedMask:
+    """Return the voxels, with one edge or three (3,), whose center lies in a primitive other than a box; its centroid
+    (3,) is in voxels from the center of the first one.
+    """
+    bits = PackedMask.empty(counts)
+    _fill_round(*round_parts(solid, edges), middle, bits.words, counts[2])
     return bits
 
 
-def round_parts(solid: Primitive, voxel_size: float) -> tuple[Floats, Floats, Floats]:
+def round_parts(solid: Primitive, edges: float | Floats) -> tuple[Floats, Floats, Floats]:
     """Return the k parts of a solid of revolution that lie one upon the other: matrix, profiles and ends.
 
-    The (3, 3) matrix leads from voxels to the frame of the axis. The profiles, (k, 3), are the coefficients c of
-    r^2 = c0 + c1 t + c2 t^2 at the height t, between the ends, (k, 2). Lengths are voxels, but for ellipsoids, which
-    become unit spheres.
+    The (3, 3) matrix leads from voxels, with one edge or three (3,), to the frame of the axis. The profiles, (k, 3),
+    are the coefficients c of r^2 = c0 + c1 t + c2 t^2 at the height t, between the ends, (k, 2). Lengths are voxels
+    along x, but for ellipsoids, which become unit spheres.
     """
-    d = solid.dimensions
+    d, sizes = solid.dimensions, np.full(3, edges)
+    voxel_size = sizes[0]
     if solid.kind in ("sphere", "ellipsoid"):
         axes = np.array(d * 3 if solid.kind == "sphere" else d)
-        stretch = np.ascontiguousarray(solid.matrix.T * (voxel_size / axes)[:, None])
+        stretch = np.ascontiguousarray(solid.matrix.T * (sizes / axes[:, None]))
         return stretch, np.array([[1.0, 0.0, -1.0]]), np.array([[-1.0, 1.0]])
     radius, half = d[0] / voxel_size, d[1] / 2 / voxel_size
     curves, ends = [[radius**2, 0.0, 0.0]], [[-half, half]]
@@ -67,7 +77,7 @@ def round_parts(solid: Primitive, voxel_size: float) -> tuple[Floats, Floats, Fl
     elif solid.kind == "spherocylinder":
         curves += [[radius**2 - half**2, 2 * half, -1.0], [radius**2 - half**2, -2 * half, -1.0]]
         ends += [[half, half + radius], [-half - radius, -half]]
-    return np.ascontiguousarray(solid.matrix.T), np.array(curves), np.array(ends)
+    return np.ascontiguousarray(solid.matrix.T * (sizes / voxel_size)), np.array(curves), np.array(ends)
 
 
 def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:

@@ -39,7 +39,14 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.backend_open3d import ROUND_OFF, open3d_inside
-from voxgran.voxels.closed_form import outline_mask, round_bits, round_parts, spheres_bits, touched_round
+from voxgran.voxels.closed_form import (
+    centers_in_round,
+    outline_mask,
+    round_bits,
+    round_parts,
+    spheres_bits,
+    touched_round,
+)
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.round_shares import disk_shares, round_shares, union_shares
 from voxgran.voxels.scanline import scanline_inside
@@ -257,6 +264,34 @@ def voxelize(
 def occupy(shape: Shape, grid: Grid, **options: Any) -> Booleans:
     """Return what :func:`occupied` does as an (nx, ny, nz) mask."""
     return occupied(shape, grid, **options).unpacked()
+
+
+def centers_in(
+    shape: Shape,
+    corner: Floats,
+    edges: Floats,
+    counts: tuple[int, int, int],
+    *,
+    scale: float = 1.0,
+    rotation: "ArrayLike | None" = None,
+) -> Booleans:
+    """Return as an (nx, ny, nz) mask the voxels of three edges (3,), from a corner (3,) on, whose center is in a shape
+    about the origin, at a given scale and rotation (a unit quaternion): of what is no union of spheres.
+    """
+    geometry, lattice = _posed(shape.geometry, scale, rotation), Grid((0.0, 0.0, 0.0), 1.0, counts)
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
+        x, y = (corner[k] + (np.arange(counts[k]) + 0.5) * edges[k] - geometry.center[k] for k in range(2))
+        return np.asarray((x[:, None] ** 2 + y**2 <= geometry.radius**2)[:, :, None])
+    if isinstance(geometry, Outline):
+        stretched = Outline("polygon", vertices=(geometry.vertices - corner[:2]) / edges[:2])
+        return outline_mask(stretched, lattice, cover="center")
+    if isinstance(geometry, Primitive) and geometry.kind != "box":
+        return centers_in_round(geometry, edges, -corner / edges - 0.5, counts).unpacked()
+    assert not isinstance(geometry, Spheres)
+    vertices, faces = (
+        geometry.tessellation()[:2] if isinstance(geometry, Primitive) else (geometry.vertices, geometry.faces)
+    )
+    return scanline_inside((vertices - corner) / edges, faces, lattice).unpacked()
 
 
 def occupied(

@@ -237,6 +237,30 @@ def test_refused_turns_what_libraries_raise_into_one_sentence(path):
         raise KeyboardInterrupt
 
 
+@pytest.mark.parametrize(
+    ("error", "library"),
+    [
+        (ValueError("<COMPRESSION.LZW: 5> requires the 'imagecodecs' package"), "imagecodecs"),
+        (ValueError("codec not available: ''zfpy''"), "zfpy"),
+        (OSError("Can't synchronously read data (required filter 'HDF5 zstd' is not registered)"), "hdf5plugin"),
+        (OSError("Can't read data (can't open directory (/usr/local/lib/plugin). Please verify"), "hdf5plugin"),
+        (ModuleNotFoundError("No module named 'h6py'", name="h6py.low"), "h6py"),
+    ],
+)
+def test_a_library_that_is_missing_is_named_and_the_file_is_not_called_damaged(error, library, tmp_path, monkeypatch):
+    path = tmp_path / "scan.tif"
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with (
+        pytest.raises(MissingLibraryError, match=f"scan.tif .* needs {library}.*pip install {library}'"),
+        refused(path),
+    ):
+        raise error
+    # where it is there, it is not what the other one lacks
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: "found")
+    with pytest.raises(FileFormatError, match="cut or damaged"), refused(path):
+        raise error
+
+
 def test_reasons_are_short_lines():
     assert reason_of(ValueError("a\n  b")) == "a b"
     assert reason_of(ValueError("x" * 10**6)) == "x" * 97 + "..."

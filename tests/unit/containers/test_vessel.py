@@ -6,9 +6,10 @@ import warnings
 import manifold3d
 import numpy as np
 import pytest
+import pyvista
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.tessellate import revolved
 
 SIDES = 48
@@ -173,3 +174,88 @@ def test_a_thin_wall_is_told_from_a_solid():
         assert vg.ClosedMesh(vg.Shape.from_mesh(solid.vertices, solid.faces)).doubt(0.1) == ""
     with warnings.catch_warnings(action="error"):
         vg.pack(vg.make_shape("sphere", diameter=0.3), vg.Vessel(turned(THIN)), "rsa", count=5)
+
+
+def tub(*, x=0.0, size=2.0):
+    """Return vertices and faces of a cube without its top, about (x, 0, 0)."""
+    vertices, faces = arrays(manifold3d.Manifold.cube([size] * 3, True).translate([x, 0, 0]))
+    return vertices, faces[~(vertices[faces][:, :, 2] > 0.49 * size).all(axis=1)]
+
+
+def joined(*parts):
+    """Return one mesh of several."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = [faces.astype(np.int64) + k for (_, faces), k in zip(parts, first[:-1], strict=True)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
+
+
+def written(path, *parts):
+    pyvista.PolyData.from_regular_faces(*joined(*parts)).save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("point", "options"),
+    [((10, 0, 0), {}), ((0, 0, 5), {}), ((0, 0, 0.7), {"lid": 0.5}), ((0, 0, -0.9), {"floor": -0.5})],
+)
+def test_the_space_of_a_shell_holds_the_point(point, options):
+    shell = vg.Shape.from_surface(*tub())
+    assert vg.Vessel(shell, point=(0, 0, 0), **options).volume == pytest.approx(8 if not options else 6)
+    with pytest.raises(InputError, match="encloses no space that holds the point"):
+        vg.Vessel(shell, point=point, **options)
+
+
+def test_a_point_chooses_between_shells_of_a_file(tmp_path):
+    path = written(tmp_path / "tubs.stl", tub(), tub(x=5.0, size=1.0))
+    assert vg.Vessel(path).volume == pytest.approx(8)
+    small = vg.Vessel(path, point=(5, 0, 0))
+    assert small.volume == pytest.approx(1)
+    np.testing.assert_allclose(small.bounds, [[4.5, -0.5, -0.5], [5.5, 0.5, 0.5]])
+
+
+@pytest.mark.parametrize("gap", [0.0, -0.2])
+def test_a_wall_may_be_of_several_bodies(gap, tmp_path):
+    """A tube that stands on a plate, or in it, and a ball that touches neither."""
+    cylinder = manifold3d.Manifold.cylinder
+    tube = cylinder(10, 5, 5, SIDES) - cylinder(12, 4.5, 4.5, SIDES).translate([0, 0, -1])
+    plate = cylinder(1, 5, 5, SIDES).translate([0, 0, -1 - gap])
+    ball = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, 5])
+    path = written(tmp_path / "silo.ply", *map(arrays, (tube, plate, ball)))
+    assert vg.Vessel(path).volume == pytest.approx(AREA * 4.5**2 * (10 + gap) - 1, rel=1e-6)
+    # what is below the ball alone
+    assert vg.Vessel(path, lid=4.0, point=(0, 0, 1)).volume == pytest.approx(AREA * 4.5**2 * (4 + gap), rel=1e-6)
+
+
+@pytest.mark.parametrize("outward", [True, False])
+def test_two_skins_of_a_wall_enclose_the_bore(outward, tmp_path):
+    inner, outer = ([np.array(part) for part in revolved([(0, r), (9, r)], sides=SIDES)[:2]] for r in (2.0, 2.2))
+    skins = [(v, f[np.ptp(v[f][:, :, 2], axis=1) > 1]) for v, f in (inner, outer)]
+    if not outward:
+        skins[0] = skins[0][0], skins[0][1][:, ::-1]
+    path = written(tmp_path / "skins.ply", *skins)
+    assert vg.Vessel(path).volume == pytest.approx(AREA * 2**2 * 9, rel=1e-6)
+    assert vg.Vessel(path, point=(0, 0, 4), floor=1.0, lid=5.0).volume == pytest.approx(AREA * 2**2 * 4, rel=1e-6)
+
+
+@pytest.mark.parametrize("options", [{"lid": 6.0}, {"point": (3, 3, 3)}, {"lid": 6.0, "floor": 5.5}])
+def test_an_open_wall_is_not_returned_in_place_of_its_bore(options):
+    """The surface of a cup without the underside is closed there; a lid above the cup closes nothing."""
+    cup = turned(CUP)
+    vertices = cup.vertices + np.array(cup.offset)
+    kept = ~(vertices[cup.faces][:, :, 2] < 0.01).all(axis=1)
+    open_cup = vg.Shape.from_surface(vertices, cup.faces[kept])
+    assert vg.Vessel(open_cup).volume == pytest.approx(AREA * 1.5**2 * 4.5, rel=1e-7)
+    with pytest.raises(InputError, match="encloses no space"):
+        vg.Vessel(open_cup, **options)
+
+
+def test_a_gutter_and_triangles_enclose_nothing(tmp_path):
+    profile = [(-1, 2), (-1, 1.9), (-1, 1.8), (-1, 0), (1, 0), (1, 1.8), (1, 1.9), (1, 2)]
+    ends = [np.array([(x, y, z) for y, z in profile]) for x in (0.0, 5.0)]
+    k = np.arange(7)
+    faces = np.concatenate([np.column_stack([k, k + 1, k + 8]), np.column_stack([k + 1, k + 9, k + 8])])
+    with pytest.raises(InputError, match="encloses no space"):
+        vg.Vessel(written(tmp_path / "gutter.stl", (np.concatenate(ends), faces)))
+    flat = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+    with pytest.raises(DirtyMeshError, match="no closed surface"):
+        vg.Vessel(written(tmp_path / "flat.stl", flat))

@@ -1,5 +1,6 @@
 """Packings that other programs wrote: as YADE, LAMMPS, ParaView and a spreadsheet write them, and damaged."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -200,6 +201,91 @@ def test_clumps_of_yade_come_back_as_clumps(clumps, tmp_path):
     bare = read(tmp_path, "0 0 0 1 4\n1 0 0 1 4\n5 5 5 1 -1\n")
     assert bare.count == 2
     assert "clump of each sphere" in bare.provenance["assumed"]["clumps"]
+
+
+@pytest.mark.parametrize("row", ["{x} {y} {z} {r}", "{x}\t{y}\t{z}\t{r}\t-1", "{k} Sphere {x} {y} {z} {r}"])
+def test_the_periodic_cell_of_yade_and_woo_is_read(row, tmp_path):
+    spheres = vg.pack(vg.make_shape("sphere"), vg.Box((4, 3, 2), "xyz"), "rsa", count=9)
+    rows = zip(*spheres.position.T.tolist(), (spheres.diameters / 2).tolist(), strict=True)
+    text = "##PERIODIC:: 4 3 2\n##USER-DATA:: any\n" + "\n".join(
+        row.format(k=k, x=x, y=y, z=z, r=r) for k, (x, y, z, r) in enumerate(rows)
+    )
+    again = read(tmp_path, text)
+    assert again.container == spheres.container
+    np.testing.assert_array_equal(again.position, spheres.position)
+    np.testing.assert_array_equal(again.diameters, spheres.diameters)
+    assert not {"container", "periodic"} & again.provenance["assumed"].keys()
+
+
+def test_rows_of_one_number_are_a_clump_in_a_shape_pack(tmp_path):
+    pack = read(tmp_path, "0 Sphere 0 0 0 1\n0 Sphere 1 0 0 1 # joined\n1u Sphere 5 0 0 1\n1u Sphere 9 0 0 1\n")
+    assert pack.count == 3
+    assert pack.volumes.tolist() == pytest.approx([2.25 * np.pi, 4 / 3 * np.pi, 4 / 3 * np.pi])
+
+
+def rounded(tmp_path, more=1.7e-8):
+    """Return the file of spheres that touch along a periodic cell, whose radii are larger by a share."""
+    lattice = vg.Packing.of(
+        vg.make_shape("sphere"), vg.Box((2, 3, 4), "xyz"), position=np.argwhere(np.ones((2, 3, 4))) + 0.125
+    )
+    rows = [f"{x} {y} {z} {0.5 * (1 + more)!r}\n" for x, y, z in lattice.position.tolist()]
+    (tmp_path / "published.txt").write_text("##PERIODIC:: 2 3 4\n" + "".join(rows))
+    return tmp_path / "published.txt"
+
+
+def test_verify_says_how_much_smaller_the_spheres_of_a_jammed_packing_are_without_overlaps(tmp_path):
+    path = rounded(tmp_path)
+    found = vg.load(path).verify()
+    assert found.overlapping_pairs == 3 * 24
+    assert 1 - found.touching_at == pytest.approx(1.7e-8, rel=1e-6)
+    assert "touching at 1 - 1.7e-08" in str(found)
+    mended = vg.load(path, shrink=True)
+    proof = mended.verify()
+    assert proof.ok
+    assert proof.touching_at == 1
+    assert mended.diameters == pytest.approx(np.ones(24), rel=1e-9)
+    assert mended.provenance["assumed"]["shrinking"].startswith("all sizes are multiplied by 1 - 1.7e-08")
+    # what does not overlap is left as it is
+    assert vg.load(rounded(tmp_path, more=-1e-12), shrink=True) == vg.load(tmp_path / "published.txt")
+
+
+def test_clumps_and_spheres_beyond_walls_are_shrunk(tmp_path):
+    text = "0 0 0 1 1\n1 0 0 1 1\n2.9 0.4 0 1 2\n3.9 0.4 0 1 2\n1 4.99 0 1 -1\n"
+    (tmp_path / "p.txt").write_text(text)
+    box = vg.Box((6, 8, 4), origin=(-0.999, -2, -2))
+    loose = vg.load(tmp_path / "p.txt", container=box)
+    assert 0.9 < loose.verify().touching_at < 1
+    assert loose.verify().escaped == 1
+    mended = vg.load(tmp_path / "p.txt", container=box, shrink=True)
+    assert mended.verify().ok
+    # not more than is needed
+    wider = dataclasses.replace(mended, scale=mended.scale * 1.001)
+    assert not wider.verify().ok
+
+
+def test_deep_overlaps_and_files_of_voxgran_are_not_shrunk(tmp_path):
+    with pytest.raises(InputError, match=r"published.txt, whose grains overlap still at 0\.8"):
+        vg.load(rounded(tmp_path, more=0.2), shrink=True)
+    with pytest.raises(InputError, match="shrink is 1: it must be True or False"):
+        vg.load(rounded(tmp_path), shrink=1)
+    vg.save(vg.load(rounded(tmp_path)), tmp_path / "own.vtp")
+    with pytest.raises(InputError, match=r"shrink is given for .*own.vtp, which voxgran wrote: leave it out"):
+        vg.load(tmp_path / "own.vtp", shrink=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("##PERIODIC:: 1 2\n0 0 0 1\n", r"line 1: '1 2' is not 3 numbers"),
+        ("##PERIODIC:: 1 2 0\n0 0 0 1\n", r"a box of \[1.0, 2.0, 0.0\]"),
+        ("0 Sphere 0 0 0 1\n1 Capsule 0 0 0 1 2 0 0\n", r"line 2: '1 Capsule .* only spheres and clumps"),
+        ("0 Sphere 0 0 0 1\n1 Sphere 0 0 0 -1\n", r"sphere 1: x y z r is 0 0 0 -1"),
+        ("0 Sphere 0 0 0 1\n1 Sphere 0 0 zero 1\n", r"line 2: '0 0 zero 1' is not 4 numbers"),
+    ],
+)
+def test_packs_of_yade_and_woo_that_are_wrong(text, message, tmp_path):
+    with pytest.raises(FileFormatError, match=message):
+        read(tmp_path, text)
 
 
 def cloud(n=50, seed=1):

@@ -11,10 +11,14 @@ from voxgran._base.errors import FileFormatError, InputError, PackingWarning, To
 from voxgran._base.lazy import load as load_library
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.geometry.rotation import random_rotations
 from voxgran.io.image import lattice_over, save_image, to_image
+from voxgran.measures import painting
 from voxgran.packing.model import Packing
 from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
@@ -232,3 +236,44 @@ def test_a_tilt_of_no_whole_number_of_voxels_is_told():
     with warnings.catch_warnings(action="error"):
         vg.to_image(bed, 0.1)
         vg.to_image(bed, (0.5, 0.4, 0.4))
+
+
+SOLIDS = {
+    "ellipsoid": Primitive("ellipsoid", (0.4, 0.7, 1.1)),
+    "cylinder": Primitive("cylinder", (0.5, 1.4)),
+    "cone": Primitive("cone", (0.6, 1.5)),
+    "spherocylinder": Primitive("spherocylinder", (0.4, 1.0)),
+    "box": Primitive("box", (0.6, 0.9, 1.3)),
+}
+
+
+@pytest.mark.parametrize("edges", [(0.2, 0.25, 0.125), (0.125, 0.2, 0.2)])
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids_are_voxelized_once_for_each_image_whatever_the_edges(name, edges, monkeypatch):
+    shape = Shape.of(SOLIDS[name], name=name)
+    packing = Packing.of(
+        shape,
+        Box((4, 5, 4), "xyz"),
+        position=[(0.1, 2.5, 2), (2.0, 4.9, 1.1)],
+        orientation=random_rotations(stream(3, name), 2),
+    )
+    calls = []
+    for call in ("occupy", "centers_in"):
+        real = getattr(painting, call)
+        monkeypatch.setattr(painting, call, lambda *given, real=real, **more: calls.append(1) or real(*given, **more))
+    image = to_image(packing, edges)
+    np.testing.assert_array_equal(image, plain_image(packing, edges))
+    # once for each periodic image that may reach into the cell, not for each row of voxels
+    assert len(calls) <= 8
+
+
+@pytest.mark.parametrize(
+    "outline", [Outline("disk", radius=0.45), Outline("polygon", vertices=np.array([(-0.5, -0.4), (0.7, 0), (0, 0.6)]))]
+)
+def test_outlines_are_voxelized_with_any_edges(outline):
+    turns = np.array([[np.cos(a), 0, 0, np.sin(a)] for a in (0.3, 2.0)])
+    flat = Packing.of(
+        Shape.of(outline, name="outline"), Rectangle((4, 3)), position=[(1.1, 1.2, 0), (2.9, 1.9, 0)], orientation=turns
+    )
+    # each fifth column of the centers of squares
+    np.testing.assert_array_equal(to_image(flat, (0.05, 0.01, 1.0)), to_image(flat, 0.01)[2::5])

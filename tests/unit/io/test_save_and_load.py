@@ -2,6 +2,7 @@
 
 import pytest
 
+import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.io.files import load, save
 
@@ -29,3 +30,23 @@ def test_an_unknown_suffix_names_the_known_ones(spheres, tmp_path):
     (tmp_path / "p.bin").write_bytes(b"\0" * 100)
     with pytest.raises(FileFormatError, match=r"suffix '.bin' and no known content: .* LAMMPS"):
         load(tmp_path / "p.bin")
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply"])
+def test_meshes_of_all_grains_have_a_way(suffix, tmp_path):
+    bed = vg.Packing.of(vg.shapes.box(lengths=(1, 1, 1)), vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)])
+    path = tmp_path / f"bed{suffix}"
+    with pytest.raises(FileFormatError, match=r"or write the surfaces of all grains by packing") as caught:
+        vg.save(bed, path)
+    eval(str(caught.value).rpartition(" by ")[2], {"packing": bed})
+    assert [shape.volume for shape in vg.repair(path, bodies="all").shapes] == pytest.approx([1, 1])
+    # where no mesh is meant, none is offered
+    with pytest.raises(FileFormatError, match=r"choose one of these$"):
+        vg.save(bed, tmp_path / "bed.xyz")
+
+
+def test_the_shape_of_a_grain_is_not_called_the_grain(tmp_path):
+    bed = vg.Packing.of(vg.shapes.box(lengths=(1, 1, 1)), vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)])
+    with pytest.raises(InputError, match=r"not at its size and place; packing\[\[k\]\]"):
+        vg.save_shape(bed[1], tmp_path / "grain.stl")
+    assert bed[[1]].to_pyvista().center == pytest.approx((3, 3, 3))

@@ -60,6 +60,26 @@ def test_mistakes_of_several_sections_are_told_together() -> None:
     assert "\n" not in text
 
 
+@pytest.mark.parametrize("method", ["digital", "digitl"])
+def test_mistakes_of_what_becomes_of_the_grains_are_told_with_the_others(method: str) -> None:
+    with pytest.raises(InputError, match=r"the scene has \d mistakes") as caught:
+        scene(
+            container={"kind": "box", "lengths": [4, 4, -4]},
+            packing={"method": method, "count": 3},
+            settle={"frictoin": 0.5},
+            compress={"friction": -1},
+            material={"yung": 1e7},
+        )
+    told = str(caught.value)
+    assert all(name in told for name in ("'frictoin'", "[compress] friction is -1", "'yung'", "[container]"))
+    assert ("'digitl'" in told) == (method == "digitl")
+
+
+def test_a_value_that_breaks_a_rule_names_its_section() -> None:
+    with pytest.raises(InputError, match=r"^\[settle\] friction is 9"):
+        scene(packing={"method": "digital", "count": 3}, settle={"friction": 9.0})
+
+
 def test_missing_sections_are_told_together() -> None:
     with pytest.raises(InputError, match=r"2 mistakes: \(1\) \[\[shape\]\] is missing.*\(2\) \[container\] is missing"):
         vg.Scene.from_mapping({"packing": {"method": "rsa", "count": 3}})

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from scipy import optimize
+from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
@@ -146,11 +148,56 @@ def test_depths_below_the_known_one_are_left_out():
     shape = vg.make_shape("noise_star", seed=1)
     places = stream(0, "places").uniform(-0.6, 0.6, size=(500, 3))
     depth = -shape.signed_distance(places)
-    found = inscribed._depths(shape._tree, places, 0.1, 0.3)
+    near = np.full(500, -1)
+    found = inscribed._depths(shape._tree, places, near, 0.1, 0.3)
     known = np.isfinite(found)
     assert found[known] == pytest.approx(depth[known], abs=1e-12)
     assert (depth[~known] <= max(0.3, depth.max()) - 0.1).all()
     assert 0 < known.sum() < 450
+    # where a triangle is known, that or any other, the depth is the same
+    for guess in (near, np.arange(500) % len(shape.faces)):
+        again = inscribed._depths(shape._tree, places, guess.copy(), 10.0, 0.0)
+        assert again == pytest.approx(depth, abs=1e-12)
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_best_step_is_that_of_a_linear_program(axes):
+    from voxgran.shapes.describing import inscribed
+
+    generator = stream(axes, "programs")
+    for k in range(60):
+        ways = generator.normal(size=(int(generator.integers(1, 60)), axes))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        spare = generator.uniform(0, 2, len(ways))
+        if k % 4 == 0:
+            # rows that are alike, and several that bind at one place
+            ways, spare = np.round(2 * ways) / 2, np.round(spare, 1)
+        step, most = inscribed._best_step(ways, spare)
+        twin = optimize.linprog(
+            [0.0] * axes + [-1.0],
+            A_ub=np.column_stack([-ways, np.ones(len(ways))]),
+            b_ub=spare,
+            bounds=[(-1, 1)] * axes + [(None, None)],
+        )
+        assert most == pytest.approx(-twin.fun, abs=1e-9)
+        assert np.abs(step).max() <= 1 + 1e-12
+        assert (spare + ways @ step).min() == pytest.approx(most, abs=1e-12)
+
+
+def test_the_smallest_rectangle_has_a_side_of_the_convex_hull():
+    from voxgran.shapes.describing import ratios
+
+    for seed in range(30):
+        points = stream(seed, "plane").normal(size=(3 + seed, 2))
+        (wide, deep), way = ratios._rectangle(points)
+        assert np.linalg.norm(way) == pytest.approx(1.0)
+        assert np.ptp(points @ way) == pytest.approx(wide, rel=1e-12)
+        corners = points[ConvexHull(points).vertices]
+        sides = np.roll(corners, -1, axis=0) - corners
+        sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+        across = np.column_stack([-sides[:, 1], sides[:, 0]])
+        least = (np.ptp(points @ sides.T, axis=0) * np.ptp(points @ across.T, axis=0)).min()
+        assert wide * deep == pytest.approx(least, rel=1e-12)
 
 
 def cross():

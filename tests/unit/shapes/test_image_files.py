@@ -157,7 +157,7 @@ def test_a_metaimage_has_its_lattice_and_its_values_beside_it(tmp_path):
 
 def test_a_folder_of_files_that_are_no_slices_is_told(tmp_path):
     (tmp_path / "a.txt").write_text("no slice")
-    with pytest.raises(FileFormatError, match=r"holds a\.txt, and no slices: DICOM files are needed"):
+    with pytest.raises(FileFormatError, match=r"holds a\.txt, and no slices: files of DICOM, TIFF or PNG are needed"):
         vg.load_image(tmp_path)
     # what is damaged is told as such
     (tmp_path / "b.dcm").write_bytes(dicom_slice(small()[:, :, 0], 0, 0.4)[:200])

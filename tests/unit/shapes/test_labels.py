@@ -300,6 +300,14 @@ def test_grains_that_touch_are_no_grey_values():
     assert len(vg.load_labels(cells, voxel_size=1.0, surface="voxel", border="keep")) == 120
 
 
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.2])
+def test_labels_of_single_voxels_are_no_grey_values(share):
+    solid = stream(6, "single").random((30, 30, 30)) < share
+    labels = np.zeros(solid.shape, dtype=np.int32)
+    labels[solid] = stream(7, "numbers").permutation(int(solid.sum())) + 1
+    assert vg.label_table(labels, voxel_size=1.0).sizes["label"] == solid.sum()
+
+
 @pytest.mark.filterwarnings("ignore:.*cut by the border")
 def test_many_small_grains_are_no_grey_values():
     cells = np.arange(1, 126).reshape(5, 5, 5)

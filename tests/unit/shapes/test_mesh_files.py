@@ -53,6 +53,21 @@ def ply_text(faces, vertices=VERTICES):
     return ply_header("ascii", len(vertices), len(faces)) + "\n".join(rows) + "\n"
 
 
+def ply_longer(faces):
+    """Return a PLY file with colors of faces in the header, in whose rows a list stands in place of these; and with
+    numbers behind those of the vertices.
+    """
+    colors = "".join(f"property uchar {color}\n" for color in ("red", "green", "blue", "alpha"))
+    text = ply_text(faces).replace("end_header\n", f"property list uchar float uv\n{colors}end_header\n", 2)
+    head, body = text.split(colors + "end_header\n")
+    rows = body.splitlines()
+    rows = [f"{row} 7 7" for row in rows[: len(VERTICES)]] + [
+        f"{row} {2 * len(row.split()) - 2}{' 0.5' * (2 * len(row.split()) - 2)} 9{' 1' * 9}"
+        for row in rows[len(VERTICES) :]
+    ]
+    return head + colors + "end_header\n" + "\n".join(rows) + "\n"
+
+
 def ply_binary(faces, vertices=VERTICES, *, mark="<"):
     order = "binary_little_endian" if mark == "<" else "binary_big_endian"
     body = np.asarray(vertices).astype(mark + "f8").tobytes()
@@ -135,6 +150,8 @@ GOOD = {
     "one_line.stl": stl_text(FACES).replace("\nvertex", " vertex").replace("\nend", " end"),
     "named.stl": stl_text(FACES).replace("solid box", "solid vertex of a vertex"),
     "colors.off": off_text(MIXED).replace("\n3 ", " 0.5 1\n3 ").replace("\n4 ", " 0.5 1\n4 "),
+    "joined.off": "\t " + off_text(QUADS).replace("OFF\n", "OFF").replace("0\n", "0 # or nah\n", 1),
+    "longer_rows.ply": ply_longer(MIXED),
     "shouting.STL": stl_text(FACES).upper(),
 }
 

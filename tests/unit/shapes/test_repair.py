@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.repairing.holes import closed_loop, hole_loops
@@ -231,6 +232,20 @@ def test_solids_that_touch_are_several(at, turned):
     found = repair(*two, bodies="all")
     assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, edge**3], rel=1e-12)
     assert repair(*two, bodies="largest").shape.volume == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_solids_that_touch_in_single_precision_are_several(seed):
+    """Faces of a solid that is turned and rounded cut through those that they touch, by parts in 1e8."""
+    turn = rotation_matrices(random_rotations(stream(seed, "turned"), 1))[0]
+    parts = box(), box(edge=0.5, at=(0.75, 0, 0)), box(edge=0.5, at=(0, 0.9, 0)), box(edge=0.5, at=(0, 1.2, 0.1))
+    points, faces = both(both(parts[0], parts[1]), both(parts[2], parts[3]))
+    rounded = (points @ turn.T + 0.3).astype(np.float32)
+    found = repair(rounded, faces, bodies="all")
+    # those that overlap are one
+    assert len(found.shapes) == 3
+    assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, 0.25 - 0.2 * 0.5 * 0.4, 0.125], rel=1e-5)
+    assert found.sentences[-1].startswith("joined 2 shells that overlap")
 
 
 def test_a_cavity_and_a_solid_that_touch_the_surface_from_within():

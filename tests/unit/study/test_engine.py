@@ -455,7 +455,7 @@ def test_an_interrupted_study_goes_on(base, marks, tmp_path, request):
     assert time.monotonic() - sent[0] < 1.0
     assert told.value.exit_code == 143
     assert not any(alive(number) for begun in marks.begun().values() for number in begun)
-    kept = {json.loads(path.read_text().split("\n", 1)[1])["seed"] for path in (tmp_path / "o" / "cells").iterdir()}
+    kept = {json.loads(path.read_text())["run"]["seed"] for path in (tmp_path / "o" / "cells").iterdir()}
     assert 3 <= len(kept) < 8
     plan = made.plan(tmp_path / "o")
     assert (plan.total("done"), plan.total("left")) == (len(kept), 8 - len(kept))

@@ -210,13 +210,13 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:
     """Draw seconds and density of both ways, and sinking against the share that is proven to rest."""
-    with panels_of(path, 3, width=14.0) as (left, middle, right):
-        names = [f"{way.count:,} {way.grains}, {way.start}" for way in ways]
-        packing, engine = [way.seconds_packing for way in ways], [way.seconds_engine for way in ways]
-        left.barh(names, packing, color="C0", label="packing")
-        left.barh(names, engine, left=packing, color="C1", label="engine")
-        left.set(xlabel="CPU seconds", xscale="log", xlim=(1, None))
-        left.tick_params(axis="y", labelsize=6)
+    with panels_of(path, 3, width=14.0, height=4.8, legend=10) as (left, middle, right):
+        places = np.arange(len(ways))
+        # beside each other: lengths of bars upon each other say nothing on a logarithmic axis
+        left.plot([way.seconds_packing for way in ways], places, "C0o", label="packing")
+        left.plot([way.seconds_engine for way in ways], places, "C1s", label="engine")
+        left.set_yticks(places, [f"{way.count:,} {way.grains}, {way.start}" for way in ways], fontsize=8)
+        left.set(xlabel="CPU seconds", xscale="log")
         for start, mark in (("gravity", "o"), ("poured", "s")):
             some = [way for way in ways if way.start == start]
             middle.plot([way.solid_fraction for way in some], [way.coordination for way in some], mark, label=start)

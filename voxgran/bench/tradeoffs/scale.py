@@ -197,7 +197,7 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw seconds against the number of grains: packing on the left, and what is done with packings on the right."""
-    with panels_of(path, 2, width=11.0, height=4.6, sharey=True) as panels:
+    with panels_of(path, 2, width=9.0, height=6.4, legend=0, sharey=True) as panels:
         for k, name in enumerate(dict.fromkeys(row.case for row in rows if row.case != "fit_clump")):
             some = [row for row in rows if row.case == name]
             panel = panels[0 if name in METHODS or name == POURING else 1]
@@ -205,6 +205,8 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.loglog(xs, ys, f"C{k % 10}o-" if name != POURING else "ks--", label=name)
         panels[0].set(xlabel="grains", ylabel="CPU seconds")
         panels[1].set(xlabel="grains")
+        for panel in panels:
+            panel.legend(frameon=False, fontsize=9, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))
 
 
 registration = TradeOff(summary="time and memory with the number of grains, from packing to the report", run=run)

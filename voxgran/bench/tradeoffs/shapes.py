@@ -70,7 +70,7 @@ def row_of(family: str) -> Row:
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the error against the time."""
-    with panels_of(path, 1, width=9.0, height=5.5) as panels:
+    with panels_of(path, 1, width=9.0, height=6.5) as panels:
         panel = panels[0]
         for row in sorted(rows, key=lambda row: row.milliseconds):
             _, _, milliseconds, _, error = astuple(row)
@@ -80,7 +80,7 @@ def _draw(rows: list[Row], path: Path) -> None:
                 (milliseconds, max(error, EXACT)),
                 xytext=(4, 4),
                 textcoords="offset points",
-                fontsize=7,
+                fontsize=9,
                 rotation=0 if error else 60,
             )
         panel.set(
@@ -91,6 +91,8 @@ def _draw(rows: list[Row], path: Path) -> None:
             title="families of shapes (exact ones at the bottom)",
         )
         panel.set_ylim(EXACT / 2, 0.2)
+        # room for the names behind the last points
+        panel.set_xlim(right=8.0 * max(row.milliseconds for row in rows))
 
 
 registration = TradeOff(summary="families of shapes: milliseconds against the error of the surface", run=run)

@@ -206,7 +206,7 @@ def values_of(row: Row) -> tuple[Any, ...]:
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw solid fraction against microseconds per grain, spheres on the left and disks on the right."""
     most = max(COUNTS)
-    with panels_of(path, 2, width=12.0, height=5.0, legend=7) as panels:
+    with panels_of(path, 2, width=10.0, height=8.0, legend=0) as panels:
         for panel, dimension in zip(panels, (3, 2), strict=True):
             here = [row for row in rows if row.case.dimension == dimension]
             for k, name in enumerate(dict.fromkeys(row.case.name for row in here)):
@@ -216,6 +216,7 @@ def _draw(rows: list[Row], path: Path) -> None:
                 panel.semilogx(*zip(*spots, strict=True), f"C{k % 10}-", marker=marker, label=name)
             panel.set(xlabel="CPU microseconds per grain", ylabel="solid fraction")
             panel.set_title(f"{'spheres' if dimension == 3 else 'disks'}, up to {most:,}")
+            panel.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.1))
 
 
 registration = TradeOff(summary="all sphere methods: solid fraction, coordination, seconds, error", run=run)

@@ -7,15 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_number, as_vector, check_type
+from voxgran._base.arrays import Floats, Integers, as_number, as_vector, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran.containers.enclosed import enclosed
-from voxgran.containers.kinds.mesh import MENDING, ClosedMesh
+from voxgran._base.errors import InputError, shown
+from voxgran._base.files import as_path, unpacked
+from voxgran.containers.enclosed import Shell, enclosed, placed
+from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.walls import direction
 from voxgran.containers.model import ContainerKind
-from voxgran.shapes.files import shape_of_file
+from voxgran.shapes.formats.mesh_files import read_surface
+from voxgran.shapes.formats.sphere_files import is_spheres
+from voxgran.shapes.mesh import refuse_unfit
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.diagnose import merged
+from voxgran.shapes.repairing.patches import wound_alike
+from voxgran.shapes.repairing.repair import parted
+from voxgran.shapes.shells import edge_faults, shell_labels, without_unused
 
 
 @explained(hint='Vessel("silo.stl")')
@@ -37,7 +44,8 @@ def Vessel(  # noqa: N802  (named as the containers are)
     Parameters
     ----------
     wall : Shape or path-like
-        A mesh, closed or open (:func:`voxgran.load_shape` with ``surface=True``), or a file of either.
+        A mesh, closed or open (:func:`voxgran.load_shape` with ``surface=True``), or a file of either, which may hold
+        several bodies: parts of the wall, and what stands in the space.
     lid : float, optional
         Level against gravity, in the unit of lengths, at which a plane closes the space. By default a wall with a
         thickness is filled as far as it holds grains as a liquid, up to its rim; of a shell without thickness the lid
@@ -66,9 +74,10 @@ def Vessel(  # noqa: N802  (named as the containers are)
     FileFormatError
         If the file cannot be read.
     DirtyMeshError
-        If the surface does not bound a solid once its rims are closed.
+        If a shell of the surface has faces that cut through each other, or is not closed once its rims are.
     InputError
-        If the wall is no mesh, it encloses no space, or a level, the point or the direction is invalid.
+        If the wall is no mesh, it encloses no space that holds the point, or a level, the point or the direction is
+        invalid.
 
     Notes
     -----
@@ -85,29 +94,46 @@ def Vessel(  # noqa: N802  (named as the containers are)
     (37.0, 27.0)
     """
     if isinstance(wall, str | os.PathLike):
-        wall = _wall_of(wall, unit)
-    check_type(wall, Shape, "wall", "a Shape or the file of a mesh; make_shape and load_shape make one")
-    if wall.dimension != 3 or not hasattr(wall.geometry, "faces"):
-        raise InputError(f"wall {wall.name!r} is no mesh: a vessel is made of the triangles of a wall; give a mesh")
+        name, shells = _shells_of_file(wall)
+    else:
+        check_type(wall, Shape, "wall", "a Shape or the file of a mesh; make_shape and load_shape make one")
+        if wall.dimension != 3 or not hasattr(wall.geometry, "faces"):
+            raise InputError(f"wall {wall.name!r} is no mesh: a vessel is made of the triangles of a wall; give a mesh")
+        name, unit = wall.name, unit or wall.unit
+        shells = _parted(*placed(wall), is_open=wall.is_open)
     up = -np.array(direction(gravity, "gravity"))
-    levels = {
-        name: None if value is None else as_number(value, name) for name, value in (("lid", lid), ("floor", floor))
-    }
-    found = enclosed(wall, up, **levels, point=None if point is None else as_vector(point, "point"))
+    levels = {key: None if value is None else as_number(value, key) for key, value in (("lid", lid), ("floor", floor))}
+    inner = None if point is None else as_vector(point, "point")
+    found = enclosed(shells, up, **levels, point=inner)
     if found is None:
+        holding = "" if inner is None else f" that holds the point {shown(inner.tolist())}"
         raise InputError(
-            f"wall {wall.name!r} encloses no space{_between(**levels)}: lid and floor must close it; give levels at "
-            "which the wall is closed all around, or ClosedMesh(shape) where the mesh itself bounds the grains"
+            f"wall {name!r} encloses no space{holding}{_between(**levels)}: lid and floor must close it; give levels "
+            "at which the wall is closed all around, or ClosedMesh(shape) where the mesh itself bounds the grains"
         )
-    return ClosedMesh(found)
+    return ClosedMesh(Shape.from_mesh(*found, name=f"inside of {name}", unit=unit))
 
 
-def _wall_of(path: str | os.PathLike[str], unit: str | None) -> Shape:
-    """Return the wall of a file: the solid, or the surface where it is open."""
-    try:
-        return shape_of_file(path, unit=unit, remedies=MENDING)
-    except DirtyMeshError:
-        return shape_of_file(path, unit=unit, remedies=MENDING, surface=True)
+def _shells_of_file(path: str | os.PathLike[str]) -> tuple[str, list[Shell]]:
+    """Return the name of a wall, as of its file, and the shells of its surface."""
+    with unpacked(as_path(path)) as found:
+        if is_spheres(found):
+            raise InputError(f"wall {found} holds spheres: a vessel is made of the triangles of a wall; give a mesh")
+        points, faces = merged(*read_surface(found))
+    if edge_faults(faces, len(points))[1]:
+        # bodies that touch each other
+        points, faces = parted(points, faces) or (points, faces)
+    shells = _parted(points, wound_alike(faces, len(points))[0])
+    for corners, triangles, _ in shells:
+        refuse_unfit(corners, triangles, found.name)
+    return found.stem, shells
+
+
+def _parted(points: Floats, faces: Integers, *, is_open: bool = False) -> list[Shell]:
+    """Return the shells of a surface; `is_open` says that a closed one counts as open."""
+    label = shell_labels(points, faces)
+    parts = [without_unused(points, faces[label == k]) for k in range(int(label.max()) + 1)]
+    return [(*part, is_open or edge_faults(part[1], len(part[0]))[0] > 0) for part in parts]
 
 
 def _between(lid: float | None, floor: float | None) -> str:

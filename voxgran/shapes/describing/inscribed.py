@@ -1,12 +1,11 @@
 """The largest sphere inside of a shape (in 2D, the largest circle)."""
 
 import math
-from typing import Any
 
 import numpy as np
 
 from voxgran._base.arithmetic import linear
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.tree import STACK, TriangleTree, grow_tree, is_behind, push_halves, square_to_box
@@ -26,10 +25,11 @@ KEPT = 250
 FEW, CONVEX = 2_000, 1e-9
 #: gain of depth, relative, below which a center is not moved any more
 LEAST_GAIN = 1e-9
-#: moves of one center, and linear programs for one move, at the most
-MOST_MOVES, MOST_PROGRAMS = 20, 20
-#: nearest triangles with which a linear program begins, and violated ones that are added at once
-FIRST, ADDED = 20, 10
+#: moves of one center at the most
+MOST_MOVES = 20
+#: exchanges of the simplex method at the most, those after which it takes the first row that is violated, and by how
+#: much a row must be
+MOST_TURNS, CAREFUL, SLACK = 500, 50, 1e-13
 
 
 def inscribed_radius(shape: Shape) -> float:
@@ -83,31 +83,34 @@ def _of_tree(tree: TriangleTree, *, axes: int) -> float:
     half = (high - low) / counts / 2
     places = low + (2 * np.indices(counts).reshape(axes, -1).T + 1) * half
     children = 2 * np.indices((2,) * axes).reshape(axes, -1).T - 1
-    best = 0.0
+    near, best = np.full(len(places), -1), 0.0
     for level in range(LEVELS):
         if level:
             half = half / 2
-            places = (places[:, None] + children * half).reshape(-1, axes)
+            places, near = (places[:, None] + children * half).reshape(-1, axes), np.repeat(near, len(children))
         reach = float(linear.norm(half))
-        depth = _depths(tree, places, reach, best)
+        depth = _depths(tree, places, near, reach, best)
         deepest = int(depth.argmax())
         if depth[deepest] > best:
             best = float(depth[deepest])
             if level >= MOVED_FROM:
                 best = _local_maximum(tree, places[deepest], best, float(half.max()))
         kept = np.argsort(-depth, kind="stable")[:KEPT]
-        places = places[kept[depth[kept] + reach > best]]
+        kept = kept[depth[kept] + reach > best]
+        places, near = places[kept], near[kept]
         if not len(places):
             break
     return best
 
 
-def _depths(tree: TriangleTree, places: Floats, reach: float, best: float) -> Floats:
+def _depths(tree: TriangleTree, places: Floats, near: Integers, reach: float, best: float) -> Floats:
     """Return the distances of points from the surface, negative outside, and minus infinity for points around which no
     point within `reach` is deeper than `best` or than one of the points before.
+
+    `near` (n,) is a triangle near each point, -1 where none is known; it becomes the nearest one.
     """
     depth = np.full(len(places), -np.inf)
-    _find_depths(_in_space(places), *tree.arrays, reach, best, depth)
+    _find_depths(_in_space(places), near, *tree.arrays, reach, best, depth)
     return depth
 
 
@@ -135,7 +138,7 @@ def _local_maximum(tree: TriangleTree, center: Floats, depth: float, trust: floa
         distance = linear.norm(away, axis=1)
         step, _ = _best_step((away / distance[:, None])[:, : len(center)], (distance - depth) / trust)
         moved = center + trust * step
-        deeper = float(_depths(tree, moved[None], 0.0, 0.0)[0])
+        deeper = float(_depths(tree, moved[None], np.full(1, -1), 0.0, 0.0)[0])
         gain = deeper - depth
         if gain > 0:
             center, depth = moved, deeper
@@ -147,32 +150,79 @@ def _local_maximum(tree: TriangleTree, center: Floats, depth: float, trust: floa
 
 def _best_step(ways: Floats, spare: Floats) -> tuple[Floats, float]:
     """Return the step in the cube of edge 2 that maximizes the smallest of ``spare + ways @ step``, and this maximum;
-    arrays are (m, d) and (m,).
-
-    A linear program with the constraints of least `spare` is solved, and again with those that its solution violates.
+    arrays are (m, d) and (m,), with d of 2 or 3.
     """
-    solve: Any = load("scipy.optimize").linprog
     axes = ways.shape[1]
-    cost = np.append(np.zeros(axes), -1.0)
-    bounds = [(-1.0, 1.0)] * axes + [(None, None)]
-    rows = np.column_stack([-ways, np.ones(len(ways))])
-    used = np.argsort(spare, kind="stable")[:FIRST]
-    for _ in range(MOST_PROGRAMS):
-        found = solve(cost, A_ub=rows[used], b_ub=spare[used], bounds=bounds, method="highs-ds").x
-        if found is None:
-            return np.zeros(axes), float(spare.min())
-        excess = linear.matmul(rows, found) - spare
-        excess[used] = 0.0
-        worst = np.argsort(-excess, kind="stable")[:ADDED]
-        worst = worst[excess[worst] > LEAST_GAIN]
-        if not len(worst):
-            break
-        used = np.append(used, worst)
-    return found[:axes], float(found[-1])
+    in_space = np.zeros((len(ways), 3))
+    in_space[:, :axes] = ways
+    found = _maximin(in_space, np.ascontiguousarray(spare))
+    return found[:axes], float(found[3])
 
 
 @kernel
-def _find_depths(points, corners, low, high, start, normals, reach, best, depth):  # type: ignore[no-untyped-def]
+def _maximin(ways, spare):  # type: ignore[no-untyped-def]
+    """Return the step x, y, z of `_best_step` and the maximum, by the simplex method.
+
+    The dual program has a multiplier for each row, whose sum is 1, and for each face of the cube; four of them are not
+    0. Their costs are `spare`, and 1 for the faces.
+    """
+    m = len(spare)
+    base, share = np.empty(4, np.int64), np.zeros(4)
+    inverse, step, column, turned = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)
+    # the tightest row, and the face of each axis against which it pushes
+    first = np.argmin(spare)
+    base[3], share[3], inverse[3, 3] = first, 1.0, 1.0
+    for axis in range(3):
+        side = 1.0 if ways[first, axis] >= 0.0 else -1.0
+        base[axis], share[axis] = m + 2 * axis + (0 if side > 0.0 else 1), side * ways[first, axis]
+        inverse[axis, axis], inverse[axis, 3] = side, side * ways[first, axis]
+    for turn in range(MOST_TURNS):
+        for axis in range(4):
+            step[axis] = 0.0
+            for k in range(4):
+                step[axis] += inverse[k, axis] * (spare[base[k]] if base[k] < m else 1.0)
+        worst, enters = -SLACK, -1
+        for k in range(m + 6):
+            if k < m:
+                left = spare[k] + ways[k, 0] * step[0] + ways[k, 1] * step[1] + ways[k, 2] * step[2] - step[3]
+            else:
+                left = 1.0 - step[(k - m) // 2] * (1.0 if (k - m) % 2 == 0 else -1.0)
+            # the first one of all, once it may go round in a circle
+            if left < worst and not (turn > CAREFUL and enters >= 0):
+                worst, enters = left, k
+        if enters < 0:
+            break
+        for axis in range(4):
+            column[axis] = 0.0
+        if enters < m:
+            column[0], column[1], column[2], column[3] = -ways[enters, 0], -ways[enters, 1], -ways[enters, 2], 1.0
+        else:
+            column[(enters - m) // 2] = 1.0 if (enters - m) % 2 == 0 else -1.0
+        least, leaves = np.inf, -1
+        for k in range(4):
+            turned[k] = 0.0
+            for axis in range(4):
+                turned[k] += inverse[k, axis] * column[axis]
+            if turned[k] > SLACK:
+                ratio = share[k] / turned[k]
+                if ratio < least or (ratio == least and base[k] < base[leaves]):
+                    least, leaves = ratio, k
+        if leaves < 0:
+            break
+        base[leaves] = enters
+        for axis in range(4):
+            inverse[leaves, axis] /= turned[leaves]
+        for k in range(4):
+            if k != leaves:
+                share[k] = max(share[k] - turned[k] * least, 0.0)
+                for axis in range(4):
+                    inverse[k, axis] -= turned[k] * inverse[leaves, axis]
+        share[leaves] = least
+    return step
+
+
+@kernel
+def _find_depths(points, near, corners, low, high, start, normals, reach, best, depth):  # type: ignore[no-untyped-def]
     """Write the depth of each point around which a deeper point than the deepest one so far can lie."""
     stack = np.zeros(STACK, dtype=np.int64)
     leaves = len(low) // 2
@@ -181,6 +231,10 @@ def _find_depths(points, corners, low, high, start, normals, reach, best, depth)
         enough = max(best - reach, 0.0) ** 2
         square, found, feature = np.inf, -1, 0
         qx, qy, qz = x, y, z
+        if near[p] >= 0:
+            found = near[p]
+            qx, qy, qz, feature = closest_on_triangle(corners, found, x, y, z)
+            square = (qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2
         stack[0], waiting = 0, 1
         # the search ends with the first triangle that is near enough
         while waiting > 0 and square >= enough:
@@ -198,6 +252,7 @@ def _find_depths(points, corners, low, high, start, normals, reach, best, depth)
                 if away < square:
                     square, found, feature = away, k, part
                     qx, qy, qz = px, py, pz
+        near[p] = found
         if square < enough:
             continue
         inside = is_behind(normals, found, feature, x - qx, y - qy, z - qz)

@@ -11,6 +11,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import normalized, random_rotations, rotation_matrices
@@ -24,8 +25,6 @@ TRIED, TURNED, IMPROVED = 2000, 12, 3
 ANGLE, HALVED = 0.15, 12
 #: largest number of improvements of one orientation
 MOST_STEPS = 30
-#: orientations compared at once, so that arrays stay small
-AT_ONCE = 250
 
 
 def principal_lengths(shape: Shape) -> Floats:
@@ -83,24 +82,70 @@ def corners_of_hull(points: Floats) -> Floats:
 
 def _edges(points: Floats, turns: Floats) -> Floats:
     """Return the edges (m, 3) of the boxes around points along the rows of rotation matrices (m, 3, 3)."""
-    along = linear.matmul(turns, points.T)
-    return np.asarray(along.max(axis=2) - along.min(axis=2))
+    return np.asarray(_spans(np.ascontiguousarray(points), np.ascontiguousarray(turns)))
 
 
 def _volumes(points: Floats, turns: Floats) -> Floats:
     """Return the volumes (m,) of the boxes around points along the rows of rotation matrices (m, 3, 3)."""
-    parts = range(0, len(turns), AT_ONCE)
-    return np.concatenate([_edges(points, turns[k : k + AT_ONCE]).prod(axis=1) for k in parts])
+    return np.asarray(_edges(points, turns).prod(axis=1))
+
+
+@kernel
+def _spans(points, turns):  # type: ignore[no-untyped-def]
+    """Return the edges of `_edges`."""
+    edges = np.empty((len(turns), 3))
+    for turn in range(len(turns)):
+        for axis in range(3):
+            a, b, c = turns[turn, axis, 0], turns[turn, axis, 1], turns[turn, axis, 2]
+            low, high = np.inf, -np.inf
+            for k in range(len(points)):
+                along = a * points[k, 0] + b * points[k, 1] + c * points[k, 2]
+                low, high = min(low, along), max(high, along)
+            edges[turn, axis] = high - low
+    return edges
 
 
 def _rectangle(points: Floats) -> tuple[Floats, Floats]:
     """Return the edges (2,) of the smallest rectangle around points in the plane, and the direction of the first."""
-    corners = points[load("scipy.spatial").ConvexHull(points).vertices]
-    sides = np.roll(corners, -1, axis=0) - corners
-    sides /= linear.norm(sides, axis=1, keepdims=True)
-    edges = _edges(corners, np.stack([sides, np.column_stack([-sides[:, 1], sides[:, 0]])], axis=1))
-    best = int(np.argmin(edges.prod(axis=1)))
-    return edges[best], sides[best]
+    found = _smallest(points[np.lexsort((points[:, 1], points[:, 0]))])
+    return found[:2], found[2:]
+
+
+@kernel
+def _smallest(points):  # type: ignore[no-untyped-def]
+    """Return edges and direction of `_rectangle`; the points are sorted by x, then y."""
+    hull, count = np.empty(2 * len(points), np.int64), 0
+    for side in range(2):
+        first = count
+        for step in range(len(points)):
+            k = step if side == 0 else len(points) - 1 - step
+            while count - first > 1:
+                i, j = hull[count - 2], hull[count - 1]
+                turn = (points[j, 0] - points[i, 0]) * (points[k, 1] - points[i, 1])
+                if turn > (points[j, 1] - points[i, 1]) * (points[k, 0] - points[i, 0]):
+                    break
+                count -= 1
+            hull[count] = k
+            count += 1
+        # the last one begins the other side
+        count -= 1
+    best, found = np.inf, np.zeros(4)
+    for h in range(count):
+        i, j = hull[h], hull[(h + 1) % count]
+        x, y = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        length = math.sqrt(x * x + y * y)
+        if length == 0.0:
+            continue
+        x, y = x / length, y / length
+        low, high, near, far = np.inf, -np.inf, np.inf, -np.inf
+        for g in range(count):
+            along = x * points[hull[g], 0] + y * points[hull[g], 1]
+            away = x * points[hull[g], 1] - y * points[hull[g], 0]
+            low, high, near, far = min(low, along), max(high, along), min(near, away), max(far, away)
+        if (high - low) * (far - near) < best:
+            best = (high - low) * (far - near)
+            found[0], found[1], found[2], found[3] = high - low, far - near, x, y
+    return found
 
 
 def _improved(points: Floats, turn: Floats) -> Floats:

@@ -125,8 +125,9 @@ def read_off(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If the file is truncated or not an OFF file.
     """
-    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", raw)
-    if head is None or not head[1].upper().endswith(b"OFF"):
+    # the counts may follow without a blank
+    head = re.match(rb"(?:\s|#.*)*(?i:[a-z]*\d?[a-z]*off)(?=[\s#\d]|$)", raw)
+    if head is None:
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     try:
         vertex_count, face_count = _counts(numbers_of(raw, start=head.end(), lines=1, most=2)[0])
@@ -216,7 +217,8 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, Column]]:
         order, elements, body = _ply_header(raw)
         if not order:
             # words of a text are records of float64
-            body, order = numbers_of(raw, start=len(raw) - len(body))[0].tobytes(), "="
+            numbers, first, _ = numbers_of(raw, start=len(raw) - len(body))
+            body, order = _ply_words(numbers, first, elements).tobytes(), "="
             for element in elements:
                 element.properties = [(key, ("f8",) * len(types)) for key, types in element.properties]
         walk = _ply_records(body, elements, order)
@@ -268,6 +270,34 @@ def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
             many = len(element.properties)
             raise ValueError(f"its header counts {element.count} {element.name[:40]} of {many} properties")
     return order, elements, body
+
+
+def _ply_words(numbers: Floats, first: Integers, elements: list[_Element]) -> Floats:
+    """Return the words of a text without those at the ends of lines that the header does not tell, where each record
+    has a line.
+
+    `first` is the number of each line at which its words begin, and the number of words.
+    """
+    if len(first) - 1 != sum(element.count for element in elements):
+        return numbers
+    end, line = first[:-1].copy(), 0
+    for element in elements:
+        rows = slice(line, line + element.count)
+        for _, types in element.properties:
+            if len(types) == 2:
+                told = numbers[np.minimum(end[rows], len(numbers) - 1)]
+                if not ((told >= 0) & (told < len(numbers))).all():
+                    return numbers
+                end[rows] += told.astype(np.int64)
+            end[rows] += 1
+        line += element.count
+    if (end > first[1:]).any():
+        return numbers
+    # the words of each line up to its end
+    step = np.zeros(len(numbers) + 1, dtype=np.int64)
+    np.add.at(step, first[:-1], 1)
+    np.add.at(step, end, -1)
+    return numbers[np.cumsum(step)[:-1] > 0]
 
 
 def _ply_records(body: bytes, elements: list[_Element], order: str) -> Iterator[dict[str, Column]]:

@@ -1,4 +1,4 @@
-"""Arrays in files of zarr, HDF5 and TIFF that other programs wrote: described, and read part by part.
+"""Arrays in files of zarr and HDF5 that other programs wrote: described, and read part by part.
 
 All is done in processes of their own (`read_part`): a chunk of a few kilobytes may unpack to more than the memory, and
 HDF5 crashes on some damaged files. Neither code that a file names is run, nor files are read that it leads to: zarr has
@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.errors import FileFormatError, shown
-from voxgran._base.guarded import Content, one_file, read_part, refused
+from voxgran._base.guarded import Content, one_file, read_part
 from voxgran._base.vtk_readers import chosen_name
 from voxgran.lattice.image import block_library
-from voxgran.shapes.images.image_files import image_library
+from voxgran.shapes.images.slices import box_of_slices
 
 #: codecs of zarr, by the names of its formats 2 and 3, that turn bytes into numbers and do nothing else
 CODECS = {"adler32", "astype", "bitround", "blosc", "bytes", "bz2", "crc32", "crc32c", "delta", "endian"}
@@ -133,7 +133,7 @@ def zarr_part(path: Path, *, name: str, low: list[int], high: list[int]) -> Cont
     found = _opened(path)
     found = found[name] if name else found
     _refuse_codecs(found, path)
-    return {}, {"values": np.asarray(found[_box(low, high)])}
+    return {}, {"values": np.asarray(found[box_of_slices(low, high)])}
 
 
 def _opened(path: Path) -> Any:
@@ -184,7 +184,10 @@ def hdf5_array(path: Path, *, key: str | None) -> Content:
     names = list[str]()
     with _hdf5(path) as file:
         kind = block_library("h5py").Dataset
-        file.visititems(lambda name, item: names.append(name) if isinstance(item, kind) else None)
+        # MATLAB keeps what cells refer to in a group of its own
+        file.visititems(
+            lambda name, item: names.append(name) if isinstance(item, kind) and not name.startswith("#") else None
+        )
         name = chosen_name(names, key.strip("/") if key is not None else None, path)
         found = file[name]
         _refuse_other_files(found, path)
@@ -202,7 +205,14 @@ def hdf5_part(path: Path, *, name: str, low: list[int], high: list[int]) -> Cont
     """
     with _hdf5(path) as file:
         _refuse_other_files(file[name], path)
-        return {}, {"values": np.asarray(file[name][_box(low, high)])}
+        return {}, {"values": np.asarray(file[name][box_of_slices(low, high)])}
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is one of HDF5, also behind the header of MATLAB."""
+    with path.open("rb") as file:
+        head = file.read(520)
+    return b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:])
 
 
 @contextlib.contextmanager
@@ -226,18 +236,3 @@ def _refuse_other_files(dataset: Any, path: Path) -> None:
     """
     if dataset.external or dataset.is_virtual:
         raise FileFormatError(f"{path} has the values of {shown(dataset.name)} in other files: write them into it")
-
-
-def tiff_part(path: Path, *, pages: list[tuple[str, int]], low: list[int], high: list[int]) -> Content:
-    """Return a box of slices that are pages, rows y and columns x, as ``values``, to be run by `read_part`."""
-    del path
-    values = []
-    for name, page in pages:
-        with refused(Path(name)):
-            values.append(image_library("tifffile").imread(name, key=page, maxworkers=1).T[_box(low[:2], high[:2])])
-    return {}, {"values": np.stack(values, axis=-1)}
-
-
-def _box(low: list[int], high: list[int]) -> tuple[slice, ...]:
-    """Return the slices of a box."""
-    return tuple(map(slice, low, high))

@@ -1,33 +1,43 @@
-"""Images in: .npy, .npz, TIFF stacks, .vti, .nrrd, MetaImage and DICOM series, as arrays with axes x, y, z."""
+"""Images in: .npy, .npz, TIFF stacks, .vti, .nrrd, MetaImage, MATLAB, values without a header, and folders of slices,
+as arrays with axes x, y, z.
+"""
 
-import math
 import os
-import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arithmetic import linear
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
 from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
-from voxgran._base.lazy import load, load_extra
+from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
-from voxgran._base.units import as_unit, known_unit, stated_unit, unit_factor
+from voxgran._base.units import as_unit, known_unit, stated_unit
 from voxgran._base.vtk_readers import chosen_name, dicom_series, meta_image, vtk_image
 from voxgran.lattice.image import Image as Image
 from voxgran.lattice.image import as_edges
 from voxgran.lattice.image import voxel_sizes as voxel_sizes
+from voxgran.shapes.images.sliced import MATLAB, is_kept_in_parts, nrrd_lattice, raw_image, sliced_image
+from voxgran.shapes.images.tiff_files import image_library, tiff_pages
+
+#: classes of arrays of numbers of MATLAB
+NUMBERS = {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 
 
 @explained(hint='load_image("scan.npy", voxel_size=0.1, unit="mm")')
 def load_image(
-    path: str | os.PathLike[str], *, key: str | None = None, voxel_size: Any = None, unit: str | None = None
+    path: str | os.PathLike[str],
+    *,
+    key: str | None = None,
+    voxel_size: Any = None,
+    unit: str | None = None,
+    shape: Sequence[int] | None = None,
+    dtype: Any = None,
 ) -> Image:
     """Read an image of any known format.
 
@@ -35,15 +45,22 @@ def load_image(
     ----------
     path : path-like
         ``.npy`` (not read into memory as a whole), ``.npz``, ``.tif``/``.tiff`` (pages are z, rows y, columns x),
-        ``.png`` (one page, as grey values; y upward), ``.vti``, ``.nrrd``, ``.mha`` or ``.mhd``, by its suffix; or a
-        folder with the slices of one DICOM series (rows are y, and z rises with the position of the slices). Files of
-        VTK, NRRD, MetaImage and DICOM hold the edges of a voxel, and TIFF that ImageJ or OME has written.
+        ``.png`` (one page, as grey values; y upward), ``.vti``, ``.nrrd``, ``.mha``, ``.mhd`` or ``.mat`` of MATLAB
+        (its first axis is x), by its suffix; values without a header (``.raw``), whose `shape` and `dtype` are given;
+        a folder with TIFF or PNG files, in the order of the numbers in their names, whose pages or pictures are slices
+        across z (rows are y); a folder with the slices of one DICOM series (rows are y, and z rises with the position
+        of the slices); or whatever else :func:`open_image` reads. Files of VTK, NRRD, MetaImage and DICOM hold the
+        edges of a voxel, and TIFF that ImageJ or OME has written.
     key : str, optional
-        Which array of an ``.npz`` or ``.vti`` file; default: the only one.
+        Which array of an ``.npz``, ``.vti``, ``.mat`` or HDF5 file; default: the only one.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     unit : str, optional
         Unit of the voxel size; default: as the file says, where its voxel size is taken.
+    shape : (3,) sequence of int, optional
+        Voxels along x, y and z of a file without a header, in which x runs fastest.
+    dtype : str or dtype, optional
+        Type of its numbers, such as ``"uint8"``, or ``">u2"`` with the highest byte first.
 
     Returns
     -------
@@ -60,7 +77,7 @@ def load_image(
     TooLargeError
         If it does not fit in memory.
     InputError
-        If an edge of a voxel is not a length, or the unit is not that of the file.
+        If an edge of a voxel is not a length, the unit is not that of the file, or only one of shape and type is given.
     UnknownNameError
         If the unit is unknown.
 
@@ -72,7 +89,10 @@ def load_image(
     >>> vg.load_image("scan.npy").values.shape
     (10, 20, 30)
     """
-    return with_lattice(_image_in(as_path(path), key), voxel_size, unit)
+    if shape is None and dtype is None:
+        return with_lattice(_image_in(as_path(path), key), voxel_size, unit)
+    values: Any = raw_image(as_path(path), shape, dtype).values
+    return with_lattice(Image(values.mapped()), voxel_size, unit)
 
 
 def with_lattice(image: Image, voxel_size: Any, unit: str | None) -> Image:
@@ -84,6 +104,11 @@ def with_lattice(image: Image, voxel_size: Any, unit: str | None) -> Image:
 
 def _image_in(path: Path, key: str | None) -> Image:
     """Return the image in a file or folder."""
+    if is_kept_in_parts(path) or (path.suffix.lower() == MATLAB and path.is_file()):
+        with refused(path):
+            image = sliced_image(path, key)
+        if image is not None:
+            return replace(image, values=image.values[(slice(None),) * image.values.ndim])
     if path.is_dir():
         with refused(path):
             return _read_dicom(path, key)
@@ -165,78 +190,6 @@ def _read_tiff(path: Path, key: str | None) -> Image:
     return Image(values, None if size is None else tuple(size), unit=unit)
 
 
-def tiff_pages(path: Path) -> Content:
-    """Read the pages of a TIFF file, to be run by `read_guarded`.
-
-    The facts are ``spacing`` and ``unit`` (None if the file does not tell them), and ``offset``, ``dtype`` and
-    ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
-    """
-    tifffile = image_library("tifffile")
-    with tifffile.TiffFile(path) as file:
-        refuse_cut(file, path)
-        spacing, unit = tiff_lattice(file)
-        # pages that were written one by one may be as many series
-        apart = len(file.series) > 1 and len({(page.shape, page.dtype) for page in file.pages}) == 1
-        told = {"spacing": spacing, "unit": unit}
-        if apart:
-            return told, {"pages": file.asarray(key=slice(None), maxworkers=1)}
-    try:
-        pages = tifffile.memmap(path, mode="r")
-    except ValueError:
-        return told, {"pages": tifffile.imread(path, maxworkers=1)}
-    return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape, **told}, {}
-
-
-def refuse_cut(file: Any, path: Path) -> None:
-    """Refuse a TIFF file that ends within a page, or before pages that it has: the library would leave these out.
-
-    Raises
-    ------
-    FileFormatError
-        If it does.
-    """
-    whole, last = path.stat().st_size, file.pages[len(file.pages) - 1]
-    for k, page in enumerate(file.pages):
-        ends = [start + size for start, size in zip(page.dataoffsets, page.databytecounts, strict=False)]
-        if max(ends, default=0) > whole:
-            raise FileFormatError(f"{path} ends within slice {k} (from 0 on): it is cut; write it again")
-    end = last.offset + file.tiff.tagnosize + len(last.tags) * file.tiff.tagsize
-    file.filehandle.seek(end)
-    following = int.from_bytes(file.filehandle.read(file.tiff.offsetsize), "big" if file.byteorder == ">" else "little")
-    if following >= whole:
-        # slices that are not packed may all lie behind the first, before what describes them
-        packed = last.compression != 1 or not last.nbytes
-        many = len(file.pages) - 1 + (1 if packed else (whole - last.dataoffsets[0]) // last.nbytes)
-        raise FileFormatError(f"{path} ends within slice {many} (from 0 on): it is cut; write it again")
-
-
-def tiff_lattice(file: Any) -> tuple[list[float] | None, str | None]:
-    """Return the edges of a voxel and their unit, where ImageJ or OME has written them into a TIFF file."""
-    if file.ome_metadata:
-        found = ET.fromstring(file.ome_metadata)
-        pixels = next((item for item in found.iter() if item.tag.rpartition("}")[2] == "Pixels"), None)
-        told = {} if pixels is None else pixels.attrib
-        sizes = [told.get(f"PhysicalSize{axis}") for axis in "XYZ"]
-        units = [known_unit(told.get(f"PhysicalSize{axis}Unit", "um")) for axis in "XYZ"]
-        if None in sizes or len(set(units)) > 1:
-            return None, None
-        return _edges_or_none(float(size) for size in sizes if size is not None), units[0]
-    kept = file.imagej_metadata or {}
-    tags = file.pages[0].tags
-    if "spacing" not in kept or "XResolution" not in tags or "YResolution" not in tags:
-        return None, None
-    # voxels per unit of length, as two whole numbers
-    across = [tags[f"{axis}Resolution"].value for axis in "XY"]
-    edges = [below / above if above else math.nan for above, below in across]
-    return _edges_or_none([*edges, float(kept["spacing"])]), known_unit(str(kept.get("unit", "")))
-
-
-def _edges_or_none(values: Iterable[float]) -> list[float] | None:
-    """Return edges of a voxel that are lengths; None for others, which files without a lattice hold."""
-    edges = [float(value) for value in values]
-    return edges if all(math.isfinite(edge) and edge > 0 for edge in edges) else None
-
-
 def _read_png(path: Path, key: str | None) -> Image:
     """Read a picture as grey values between 0 and 1; columns are x, and y points up."""
     del key
@@ -248,6 +201,33 @@ def png_values(path: Path) -> Content:
     pixels = np.asarray(load("matplotlib.image").imread(path), dtype=np.float64)
     grey = pixels[..., :3].mean(axis=2) if pixels.ndim == 3 else pixels
     return {}, {"values": grey[::-1].T}
+
+
+def _read_matlab(path: Path, key: str | None) -> Image:
+    """Read an array of a file of MATLAB before version 7.3."""
+    return Image(read_guarded(matlab_values, path, key=key)[1]["values"])
+
+
+def matlab_values(path: Path, *, key: str | None) -> Content:
+    """Read the ``values`` of an array of a file of MATLAB, to be run by `read_guarded`.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such array of numbers.
+    """
+    library = load("scipy.io")
+    name = chosen_name([name for name, _, kind in library.whosmat(path) if kind in NUMBERS], key, path)
+    return {}, {"values": library.loadmat(path, variable_names=[name])[name]}
+
+
+def _refuse_raw(path: Path, key: str | None) -> Image:
+    """Refuse a file without a header."""
+    del key
+    raise FileFormatError(
+        f"{path} has {path.stat().st_size} bytes and no header: read it with load_image(path, shape=(nx, ny, nz), "
+        "dtype='uint16'), with its own numbers of voxels and type"
+    )
 
 
 def _read_nrrd(path: Path, key: str | None) -> Image:
@@ -281,31 +261,6 @@ def nrrd_values(path: Path) -> Content:
     return facts, {"values": np.asarray(values).ravel(order="F")}
 
 
-def nrrd_lattice(header: Any, path: Path) -> tuple[list[float] | None, str | None]:
-    """Return the edges of a voxel and their unit, where the header of a NRRD file tells them.
-
-    Raises
-    ------
-    FileFormatError
-        If the axes have several units of which not all are known.
-    """
-    directions = header.get("space directions")
-    if directions is not None and np.asarray(directions).shape == (3, 3):
-        spacing = linear.norm(np.asarray(directions, dtype=float), axis=1)
-    else:
-        spacing = np.asarray(header.get("spacings", [np.nan] * 3), dtype=float)
-    good = spacing.shape == (3,) and bool(np.isfinite(spacing).all())
-    told = [str(unit).strip() for unit in header.get("space units") or header.get("units") or [] if str(unit).strip()]
-    known = [known_unit(unit) for unit in told]
-    if good and len(set(told)) > 1:
-        if len(told) < 3 or None in known:
-            raise FileFormatError(
-                f"{path} has axes in {' and '.join(told)[:80]}: where units differ each must be known; write it again"
-            )
-        spacing *= [unit_factor(str(unit), str(known[0])) for unit in known]
-    return spacing.tolist() if good else None, known[0] if known else None
-
-
 def _read_meta(path: Path, key: str | None) -> Image:
     """Read a MetaImage, whose values may lie in a file beside it."""
     del key
@@ -325,7 +280,7 @@ def _read_dicom(folder: Path, key: str | None) -> Image:
         if any(_is_dicom(item) for item in files):
             raise
         raise FileFormatError(
-            f"{folder} holds {files[0].name}, and no slices: DICOM files are needed, or for open_image TIFF files or a "
+            f"{folder} holds {files[0].name}, and no slices: files of DICOM, TIFF or PNG are needed, or a "
             "zarr array; check the path"
         ) from error
     # VTK turns the image by half a turn about x; lengths are in millimetres by the standard
@@ -345,11 +300,6 @@ def _read_vti(path: Path, key: str | None) -> Image:
     unit = known_unit(facts["texts"].get("unit", ""))
     values = found["values"].reshape(facts["shape"], order="F")
     return Image(values, tuple(facts["spacing"]), tuple(facts["origin"]), unit)
-
-
-def image_library(name: str) -> Any:
-    """Load a library of the extra `images`, which reads and writes a format."""
-    return load_extra(name, "images", "it reads and writes such images")
 
 
 def voxel_unit(unit: str | None, value: Any, image: Image) -> str | None:
@@ -380,4 +330,6 @@ READERS: dict[str, Callable[[Path, str | None], Image]] = {
     ".nrrd": _read_nrrd,
     ".mha": _read_meta,
     ".mhd": _read_meta,
+    MATLAB: _read_matlab,
+    ".raw": _refuse_raw,
 }

@@ -26,7 +26,8 @@ from voxgran.lattice.image import Shelf, lazy_of
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.lattice.label_volumes import PARTS
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
-from voxgran.shapes.images.open_image import is_opened, open_image
+from voxgran.shapes.images.open_image import open_image
+from voxgran.shapes.images.sliced import is_kept_in_parts
 from voxgran.shapes.mesh import LatticePoints, Mesh, corner_type
 from voxgran.shapes.model import Shape
 
@@ -37,6 +38,9 @@ WIDEST = 5.0
 SPECK = 27
 #: least number of values of a grey image, and how many planes are looked at to recognize one
 LEAST_GREY, GREY_PLANES = 100, 16
+#: share of the voxels in the middle of three in a row up to which voxels lie apart; of voxels at random, the square of
+#: their share of the image
+APART = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +223,7 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
     """
     if isinstance(source, str | os.PathLike):
         path = as_path(source)
-        return open_image(path, key=key) if is_opened(path) else load_image(path, key=key)
+        return open_image(path, key=key) if is_kept_in_parts(path) else load_image(path, key=key)
     if isinstance(source, Image):
         return source
     return Image(as_array(source, "image") if lazy_of(source) is None else source)
@@ -335,10 +339,11 @@ def is_grey(values: NDArray[Any]) -> bool:
     """Return whether values rise or fall over three voxels in a row at many of their changes.
 
     They do in 1 of 3 changes of noise and in more than half of those of smooth images, whose steps are wider than a
-    voxel. Where two grains meet, a label changes once.
+    voxel. Where two grains meet, a label changes once. Labels of single voxels here and there, of which few meet two
+    others in a row, are no grey values.
     """
     planes = range(0, len(values), max(1, len(values) // GREY_PLANES))
-    slopes = changes = 0
+    slopes = changes = rows_of_three = voxels = 0
     for k in planes:
         plane = np.asarray(values[k])
         for rows in (plane, plane.T):
@@ -347,7 +352,8 @@ def is_grey(values: NDArray[Any]) -> bool:
             rising, falling = (before < here) & (here < after), (before > here) & (here > after)
             slopes += int((solid & (rising | falling)).sum())
             changes += int((solid & ((before != here) | (here != after))).sum())
-    return 4 * slopes > changes
+            rows_of_three, voxels = rows_of_three + int(solid.sum()), voxels + int((rows != 0).sum())
+    return 4 * slopes > changes and rows_of_three > APART * voxels
 
 
 def _solid(

@@ -25,8 +25,10 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_numbe
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.geometry.crossing import crossing_faces
+from voxgran.geometry.triangles import areas_of
 from voxgran.lattice.cuberille import fans, with_middles
-from voxgran.shapes.boolean import united
+from voxgran.lattice.label import components
+from voxgran.shapes.boolean import common_volume, united
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
@@ -39,6 +41,9 @@ log = logging.getLogger(__name__)
 
 #: vertices nearer than this many diagonals of the bounding box become one
 WELD = 1e-7
+#: thickness of the part that two solids share, in diagonals of the bounding box, up to which they only touch: files may
+#: round coordinates to single precision
+TOUCHING = 1e-6
 #: rings of faces around a crossing that are cut out at the most
 MOST_RINGS = 5
 
@@ -311,20 +316,42 @@ def _grown(faces: Integers, chosen: Any, vertex_count: int, rings: int) -> Any:
 
 
 def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, Integers]:
-    """Join shells that overlap, or that lie in others and point outward."""
+    """Join shells that overlap, or that lie in others and point outward; those that touch stay apart."""
     shells = shells_of(points, faces)
     inner = (shells.volume > 0) & (shells.level % 2 == 1)
     # faces of one shell that cross have been cut out
     if len(inner) < 2 or (not inner.any() and not crossing_faces(points, faces).any()):
         return points, faces
-    if (shells.volume < 0).any():
+    solids = [without_unused(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
+    outward = np.flatnonzero(shells.volume > 0)
+    one, other = _overlapping([solids[k] for k in outward])
+    body = components(len(solids), outward[one], outward[other])
+    many = np.bincount(body)[body] > 1
+    if not many.any():
+        return points, faces
+    if len(outward) < len(solids):
         raise DirtyMeshError(
-            f"the mesh has {int((shells.volume < 0).sum())} cavities beside shells that overlap: what is inside is "
+            f"the mesh has {len(solids) - len(outward)} cavities beside shells that overlap: what is inside is "
             "not certain; save each solid in a file of its own"
         )
-    solids = [(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
-    done.append(f"joined {len(solids)} shells that overlap or lie in each other, by manifold3d")
-    return united([without_unused(*solid) for solid in solids])
+    done.append(f"joined {int(many.sum())} shells that overlap or lie in each other, by manifold3d")
+    bodies = [united([solids[k] for k in np.flatnonzero(body == one)]) for one in np.unique(body[many])]
+    bodies += [solids[k] for k in np.flatnonzero(~many)]
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    return np.concatenate([vertices for vertices, _ in bodies]), np.concatenate(
+        [triangles + k for (_, triangles), k in zip(bodies, first[:-1], strict=True)]
+    )
+
+
+def _overlapping(solids: list[tuple[Floats, Integers]]) -> tuple[Integers, Integers]:
+    """Return the pairs of solids whose common part is thicker than what rounding makes of solids that touch."""
+    low, high = np.swapaxes([box_of(vertices) for vertices, _ in solids], 0, 1)
+    near = (low[:, None] <= high[None]).all(axis=2) & (low[None] <= high[:, None]).all(axis=2)
+    one, other = np.nonzero(np.triu(near, 1))
+    area = np.array([areas_of(vertices[triangles]).sum() for vertices, triangles in solids])
+    least = TOUCHING * float(linear.norm(high.max(axis=0) - low.min(axis=0))) * np.minimum(area[one], area[other])
+    thick = np.array([common_volume(solids[i], solids[j]) for i, j in zip(one, other, strict=True)]) > least
+    return one[thick], other[thick]
 
 
 def _chosen(
