@@ -154,7 +154,9 @@ import tomllib
 
 LARGE = {"open3d", "pyvista", "vtk", "meshio", "plotly", "matplotlib", "contourpy"}
 with open("pyproject.toml", "rb") as file:
-    needed = tomllib.load(file)["project"]["dependencies"]
+    project = tomllib.load(file)["project"]
+# images of grains are segmented with the latter
+needed = project["dependencies"] + [line for line in project["optional-dependencies"]["images"] if "scikit" in line]
 print(*(line for line in needed if re.split(r"[^\w-]", line)[0] not in LARGE), sep="\n")
 PYTHON
 }

@@ -15,7 +15,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, warn
 from voxgran._base.progress import OnStep
-from voxgran.contacts.verify import verify
+from voxgran.contacts.verify import TOLERANCE, verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive
 from voxgran.packing.model import Packing, check_packing
@@ -297,7 +297,7 @@ def warn_of_imbalance(packing: Packing) -> None:
             "move with the walls: let them stand farther apart, or leave them free",
             PackingWarning,
         )
-    if record["smallest_gap"] < 0.0:
+    if record["smallest_gap"] < -TOLERANCE:
         warn(
             f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
             PackingWarning,

@@ -18,6 +18,7 @@ from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, numbered, shown, warn
 from voxgran._base.progress import OnStep
 from voxgran._base.seeds import MOST_SEED
+from voxgran.contacts.verify import TOLERANCE
 from voxgran.containers.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -239,7 +240,7 @@ def warn_of_unrest(packing: Packing) -> None:
     if record is None or packing.stop_reason == "interrupted":
         return
     asked = record["parameters"]["rest"]
-    if record["smallest_gap"] < 0.0:
+    if record["smallest_gap"] < -TOLERANCE:
         text = (
             f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: settle them once more or, "
             "where that does not help, give a larger container or fewer grains"
