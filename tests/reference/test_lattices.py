@@ -152,7 +152,7 @@ def test_the_quadrature_of_this_file_is_good():
 def test_coordination_number_across_periodic_faces(name):
     neighbours = LATTICES[name]["neighbours"]
     gap = 1e-6
-    found = coordination_number(lattice(name, gap=gap), [0, gap * (1 - 1e-5), gap * (1 + 1e-5), 1e-3])
+    found = coordination_number(lattice(name, gap=gap), [0, gap * (1 - 0.01), gap * (1 + 0.01), 1e-3])
     assert found.mean.tolist() == [0, 0, neighbours, neighbours]
     assert (found.of_grain == neighbours).all()
     touching = coordination_number(lattice(name), [0.0])

@@ -114,7 +114,7 @@ def test_a_flat_sheet_along_a_wall_grows_to_the_walls_across():
 
 
 @NEAR
-@pytest.mark.filterwarnings("ignore:the solid fraction is")
+@pytest.mark.filterwarnings("ignore:the solid fraction ")
 @pytest.mark.parametrize(
     "asked",
     [{}, {"count": 100}, {"solid_fraction": 0.3}, {"solid_fraction": 0.9}, {"sizes": vg.sizes.uniform(0.6, 1.0)}],
