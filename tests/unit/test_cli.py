@@ -243,7 +243,8 @@ def test_numbers_have_the_units_of_the_packing_and_arrays_a_file(tmp_path, capsy
     # six solid fractions of the bed a diameter
     assert any(line.startswith("specific surface 0.1099") and line.endswith("mm^-1") for line in lines), lines
     assert not any("of density" in line for line in lines)
-    assert said("verify", path)[2:] == ["deepest 0 mean diameters", "escaped 0", "tolerance 1e-09 mean diameters"]
+    told = ["deepest 0 mean diameters", "escaped 0", "touching at 1", "tolerance 1e-09 mean diameters"]
+    assert said("verify", path)[2:] == told
     lines = said("measure", path, "--which", "profile", "--which", "gradation")
     assert lines == ["count 2", "of gradation, profile there are arrays only: write them with -o FILE.nc or FILE.csv"]
     out = str(tmp_path / "bed.nc")
