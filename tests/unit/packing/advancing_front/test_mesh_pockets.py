@@ -27,13 +27,15 @@ def pack(container, **keywords):
 
 
 def test_a_box_of_triangles_is_filled_as_a_box_is():
+    # 330 and 332.5 spheres on the average, each with a deviation of 2.5: means of eight err by 1.2
     box = vg.Box((7, 7, 7))
-    flat, mesh = pack(box), pack(as_mesh(box))
-    assert mesh.count == pytest.approx(flat.count, rel=0.02)
-    touching = [(np.abs(at_walls(packing)) < 1e-9).sum() for packing in (flat, mesh)]
+    flat, mesh = ([pack(container, seed=seed) for seed in range(8)] for container in (box, as_mesh(box)))
+    counts = [np.mean([packing.count for packing in several]) for several in (flat, mesh)]
+    assert counts[1] == pytest.approx(counts[0], rel=0.025)
+    touching = [np.mean([(np.abs(at_walls(packing)) < 1e-9).sum() for packing in several]) for several in (flat, mesh)]
     assert touching[1] == pytest.approx(touching[0], rel=0.1)
-    assert at_walls(mesh).max() <= 1e-9
-    assert vg.verify(mesh).ok
+    assert max(at_walls(packing).max() for packing in mesh) <= 1e-9
+    assert all(vg.verify(packing).ok for packing in mesh)
 
 
 @pytest.mark.parametrize("order", [slow("nearest"), "lowest"])
