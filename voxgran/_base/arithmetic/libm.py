@@ -138,7 +138,9 @@ def _of_one(which: int, x: ArrayLike) -> Any:
 
 def _of_two(function: Callable[[float, float], float], kernel: Any, x: ArrayLike, y: ArrayLike) -> Any:
     """Return a function of each two numbers, which broadcast."""
-    one, other = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    shape = np.broadcast_shapes(np.shape(x), np.shape(y))
+    # copies, since kernels and NumPy do not take views of one number for arrays that may be written
+    one, other = (np.array(np.broadcast_to(part, shape), dtype=np.float64, order="C") for part in (x, y))
     if _are_few(one):
         try:
             found = list(map(function, one.ravel().tolist(), other.ravel().tolist()))
@@ -147,7 +149,7 @@ def _of_two(function: Callable[[float, float], float], kernel: Any, x: ArrayLike
             # Python refuses what has no finite value
             pass
     out = np.empty(one.size)
-    kernel(np.ascontiguousarray(one).ravel(), np.ascontiguousarray(other).ravel(), out)
+    kernel(one.ravel(), other.ravel(), out)
     return out.reshape(one.shape)[()]
 
 
