@@ -226,8 +226,8 @@ COMMENTS = ("#", "//", ";", "*", "{")
 
 
 def pair(name="sphere"):
-    ball = dataclasses.replace(vg.shapes.sphere(), name=name)
-    return vg.Packing.of([ball], vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)], unit="mm")
+    grain = dataclasses.replace(vg.shapes.sphere(), name=name)
+    return vg.Packing.of([grain], vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)], unit="mm")
 
 
 def refuse_markup(path):

@@ -215,14 +215,14 @@ def test_a_point_chooses_between_shells_of_a_file(tmp_path):
 
 @pytest.mark.parametrize("gap", [0.0, -0.2])
 def test_a_wall_may_be_of_several_bodies(gap, tmp_path):
-    """A tube that stands on a plate, or in it, and a ball that touches neither."""
+    """A tube that stands on a plate, or in it, and a block that touches neither."""
     cylinder = manifold3d.Manifold.cylinder
     tube = cylinder(10, 5, 5, SIDES) - cylinder(12, 4.5, 4.5, SIDES).translate([0, 0, -1])
     plate = cylinder(1, 5, 5, SIDES).translate([0, 0, -1 - gap])
-    ball = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, 5])
-    path = written(tmp_path / "silo.ply", *map(arrays, (tube, plate, ball)))
+    block = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, 5])
+    path = written(tmp_path / "silo.ply", *map(arrays, (tube, plate, block)))
     assert vg.Vessel(path).volume == pytest.approx(AREA * 4.5**2 * (10 + gap) - 1, rel=1e-6)
-    # what is below the ball alone
+    # what is below the block alone
     assert vg.Vessel(path, lid=4.0, point=(0, 0, 1)).volume == pytest.approx(AREA * 4.5**2 * (4 + gap), rel=1e-6)
 
 

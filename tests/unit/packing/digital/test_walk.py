@@ -264,12 +264,12 @@ def test_a_walk_that_ends_proves_no_rest(method):
 @pytest.mark.parametrize("method", ["digital", "digital_fill", "digital_rsa"])
 def test_a_container_hardly_wider_than_a_grain_gets_voxels_in_which_it_fits(method):
     """By default; a container as wide as the grain has no room on any lattice, and the warning names the voxels."""
-    ball, asked = vg.shapes.sphere(diameter=28), {"count": 1, "seed": 1, "settle": False}
+    sphere, asked = vg.shapes.sphere(diameter=28), {"count": 1, "seed": 1, "settle": False}
     for width in (30, 28.5):
-        assert vg.pack(ball, vg.Box((width, width, 60)), method, **asked).count == 1
+        assert vg.pack(sphere, vg.Box((width, width, 60)), method, **asked).count == 1
     with pytest.warns(PackingWarning, match="no grain finds room between voxels any more; give a smaller voxel_size"):
-        tight = vg.pack(ball, vg.Box((28, 28, 60)), method, **asked)
-    wide = vg.pack(ball, vg.Box((60, 60, 60)), method, **asked)
+        tight = vg.pack(sphere, vg.Box((28, 28, 60)), method, **asked)
+    wide = vg.pack(sphere, vg.Box((60, 60, 60)), method, **asked)
     assert tight.provenance["parameters"]["voxel_size"] == pytest.approx(
         wide.provenance["parameters"]["voxel_size"], rel=0.05
     )
