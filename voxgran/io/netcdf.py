@@ -196,8 +196,9 @@ def _decoded(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_safe_attributes(data: "Dataset") -> "Dataset":
-    """Return the dataset with attributes that netCDF can hold."""
-    clean = data.copy()
+    """Return the dataset with attributes that netCDF can hold, and texts of NumPy: xarray 2024.10 writes no others."""
+    texts = {name: values.astype(str) for name, values in data.variables.items() if values.dtype == object}
+    clean = data.assign(texts).set_coords(list(data.coords)) if texts else data.copy()
     clean.attrs = _safe(data.attrs)
     for name in clean.variables:
         clean[name].attrs = _safe(data[name].attrs)
