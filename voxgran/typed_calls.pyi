@@ -91,6 +91,7 @@ class ControlPointKeywords(WalkingKeywords, total=False):
     distance: Number
     overlap: Number
     gravity_bias: Number
+    vibration: Literal['cycles', 'collision']
     vibration_up: Number
     rotation_share: Number
     step: Number

@@ -33,7 +33,7 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(contact, "SECONDS", 0.01)
     monkeypatch.setattr(contact, "APPROACHES", 2)
     monkeypatch.setattr(contact, "GRAINS", 12)
-    monkeypatch.setattr(contact, "measure_beds", lambda: [("walk", 1.0, 0.5)])
+    monkeypatch.setattr(contact, "measure_beds", lambda: [("walls", 0.5, "none", 100, 1.0, 0.5, 0.01)])
     monkeypatch.setattr(contact, "SPACINGS", {"sphere": (0.4,)})
     monkeypatch.setattr(contact, "ACCURACY_SPACINGS", (0.4, 0.3))
     monkeypatch.setattr(contact, "bodies", lambda: {"sphere": vg.make_shape("sphere")})
@@ -69,3 +69,14 @@ def test_minkowski_difference_gives_the_gap_of_boxes():
     offset, edge = pair.first_contact(way, turns=turns), cube.volume ** (1 / 3)
     assert contact.true_gap(cube, turns, way, offset) == pytest.approx(offset[0] - edge, abs=1e-12)
     assert 0 < offset[0] - edge <= pair.allowance + 1e-12
+
+
+@pytest.mark.slow
+def test_beds_of_each_bias_and_vibration():
+    rows = contact.measure_beds(300, (1, 2), (20,))
+    assert (
+        len({row[:4] for row in rows})
+        == len(rows)
+        == len(contact.BOXES) * (1 + len(contact.BIASES) * len(contact.SHAKEN))
+    )
+    assert all(np.isfinite(row[5:]).all() for row in rows)

@@ -5,9 +5,10 @@ accepted attempts are written beside the rates. The peers go on from where the g
 on one thread, and seconds are CPU seconds. Accuracy: two grains in random turns come towards each other
 along a line until the test refuses; where the true surfaces touch is known in closed form for spheres, from the
 Minkowski difference for boxes, and from the least gap that manifold3d finds for scanned bodies. Density: beds of equal
-spheres after the walk, and after settling.
+spheres after walks with and without bias and vibration, each changed alone, and after settling.
 """
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -48,13 +49,16 @@ ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
 #: tests by name: contact and ways
 TESTS = {"sdf": ("sdf", "both"), "sdf, one way": ("sdf", "one"), "kdtree": ("kdtree", "both")}
 GRAINS, SOLID, MIXING = 150, 0.3, 400
-#: spheres of a bed, and what is done with it, by name
-BED = 420
-BEDS: dict[str, dict[str, Any]] = {
-    "walk": {"settle": False},
-    "walk shaken to the end": {"gravity_bias": 0.0, "vibration_up": 1.0, "decay": 1.0, "settle": False},
-    "walk and settling": {"settle": True},
+#: spheres of a bed, and seeds of its walks
+BED, SEEDS = 420, (1, 2, 3)
+BOXES = {"periodic": Box((6, 6, 32), periodic="xy"), "walls": Box((8, 8, 20))}
+#: kinds of vibration at constant amplitude by name, attempts per grain, and biases towards gravity
+SHAKEN: dict[str, dict[str, Any]] = {
+    "none": {"vibration_up": 0.0},
+    "cycles": {"vibration": "cycles", "vibration_up": 1.0, "decay": 1.0},
+    "collision": {"vibration": "collision", "vibration_up": 1.0, "decay": 1.0},
 }
+SWEEPS, BIASES = (100, 2000), (0.5, 0.0)
 #: least seconds that a program is timed, and approaches of two grains
 SECONDS, APPROACHES = 0.6, 24
 
@@ -211,13 +215,31 @@ def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats, w
     return -high
 
 
-def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
-    """Pack beds of equal spheres; return what was done, CPU seconds, and bulk solid fraction of each."""
-    rows, box, sphere = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
-    for name, parameters in BEDS.items():
-        packing, seconds = timed(pack, sphere, box, method="control_point", count=count, seed=1, **parameters)
-        rows.append((name, seconds, float(bulk_solid_fraction(packing))))
+def measure_beds(
+    count: int = BED, seeds: tuple[int, ...] = SEEDS, sweeps: tuple[int, ...] = SWEEPS
+) -> list[tuple[Any, ...]]:
+    """Pack beds of equal spheres; return the box, the bias, the vibration and the sweeps, then means over seeds: CPU
+    seconds, bulk solid fraction and its standard error. In the last row of a box, beds as by default have settled.
+    """
+    rows: list[tuple[Any, ...]] = []
+    pack(make_shape("sphere"), BOXES["walls"], method="control_point", count=1)  # loads the kernels
+    for name, box in BOXES.items():
+        for many, bias, vibration in itertools.product(sweeps, BIASES, SHAKEN):
+            given = {"sweeps": many, "gravity_bias": bias, **SHAKEN[vibration], "settle": False}
+            rows.append((name, bias, vibration, many, *_mean_bed(box, count, seeds, given)))
+        rows.append((name, 0.5, "settled", 100, *_mean_bed(box, count, seeds, {})))
     return rows
+
+
+def _mean_bed(box: Box, count: int, seeds: tuple[int, ...], given: dict[str, Any]) -> tuple[float, float, float]:
+    """Return means over beds, CPU seconds and bulk solid fraction, and the standard error of the latter."""
+    sphere, seconds, fractions = make_shape("sphere"), [], []
+    for seed in seeds:
+        packing, spent = timed(pack, sphere, box, method="control_point", count=count, seed=seed, **given)
+        seconds.append(spent)
+        fractions.append(float(bulk_solid_fraction(packing)))
+    error = float(np.std(fractions, ddof=1)) / len(seeds) ** 0.5 if len(seeds) > 1 else float("nan")
+    return float(np.mean(seconds)), float(np.mean(fractions)), error
 
 
 def bodies() -> dict[str, Shape]:
@@ -246,7 +268,11 @@ def run(folder: Path) -> tuple[Path, ...]:
             "microseconds_per_attempt:.2f",
             accuracy,
         ),
-        write_rows(folder / "contact_beds.csv", "stage,seconds:.2f,bulk_solid_fraction:.4f", measure_beds()),
+        write_rows(
+            folder / "contact_beds.csv",
+            "box,gravity_bias:g,vibration,sweeps,seconds:.2f,bulk_solid_fraction:.4f,standard_error:.4f",
+            measure_beds(),
+        ),
         figure,
     )
 

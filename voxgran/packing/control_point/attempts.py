@@ -98,8 +98,9 @@ def make_attempts(world: World, queue: Integers, tally: Integers, key: Words, fi
         else:
             slot, fits, g = 0, True, pick_moving(queue, tally[PLACED], rules.newest, words[0])
             moved = 2.0 * grains.step[g]
-            share = upward_share(rules.shares, rules.vibration, attempt)
-            _propose_place(grains, rules, scratch, g, words, unit_float(more[1]) < share)
+            shaken = unit_float(more[1]) < upward_share(rules.shares, rules.vibration, attempt)
+            lean = _lean(grains, rules, g, shaken)
+            _propose_place(grains, rules, scratch, g, words, lean)
             tally[MOVES] += 1
             if turned:
                 turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
@@ -123,6 +124,8 @@ def make_attempts(world: World, queue: Integers, tally: Integers, key: Words, fi
                     return attempt + 1
             else:
                 grains.step[g] = max(grains.step[g] * DECAY, rules.shortest * grains.diameter[g])
+                if rules.lifts > 0 and lean > 0.0 and shaken:
+                    grains.lifted[g] = rules.lifts
             continue
         if not enters:
             grains.step[g] = min(grains.step[g] * GROWTH, longest_step(grains, rules, g))
@@ -154,16 +157,27 @@ def longest_step(grains: GrainPoses, rules: WalkRules, g: int) -> float:
 
 
 @bare_kernel
-def _propose_place(grains, rules, scratch, g, words, upward):  # type: ignore[no-untyped-def]
-    """Move a center by a random unit vector, tilted downward unless it may go up, times a random part of the step."""
+def _lean(grains, rules, g, shaken):  # type: ignore[no-untyped-def]
+    """Return 1 if the step of a grain leans down, -1 if it leans up after a collision, and 0 if it leans nowhere."""
+    if rules.lifts == 0:
+        return 0.0 if shaken else 1.0
+    if grains.lifted[g] == 0:
+        return 1.0
+    grains.lifted[g] -= 1
+    return -1.0
+
+
+@bare_kernel
+def _propose_place(grains, rules, scratch, g, words, lean):  # type: ignore[no-untyped-def]
+    """Move a center by a random unit vector that leans along gravity or against it, times a random part of the step."""
     c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 0.0
     s = np.sqrt(1.0 - c * c)
     angle = 2.0 * np.pi * unit_float(words[2])
     x, y, z = s * np.cos(angle), s * np.sin(angle), c
     along = x * rules.gravity[0] + y * rules.gravity[1] + z * rules.gravity[2]
-    if not upward:
-        # mirror what points upward, then tilt; both do nothing where gravity is zero
-        add = rules.tilt + (-2.0 * along if along < 0.0 else 0.0)
+    if lean != 0.0:
+        # mirror what points to the other side, then tilt; both do nothing where gravity is zero
+        add = lean * rules.tilt + (-2.0 * along if lean * along < 0.0 else 0.0)
         x, y, z = x + add * rules.gravity[0], y + add * rules.gravity[1], z + add * rules.gravity[2]
     length = grains.step[g] * (1.0 - unit_float(words[3])) / np.sqrt(x * x + y * y + z * z)
     scratch.place[0] = grains.position[g, 0] + length * x

@@ -4,8 +4,9 @@ An attempt selects a grain, moves it by a random unit vector times a step, and r
 refused if the grain would penetrate a wall or come too near to another grain by one of two contact tests. With contact
 "sdf" the control points of each grain are looked up in the signed-distance field of the other, so that grains touch;
 with "kdtree" points are compared with points, by trees, and grains stay apart by up to the spacing. Gravity biases the
-steps downward; during vibration a fraction of upward steps is kept, which decreases within each cycle. The step length
-of a grain grows after each accepted move and shrinks after each refused one.
+steps downward; during vibration a fraction of the steps is not biased, or a fraction of the collisions is followed by a
+few steps that lean upward; this fraction decreases within each cycle. The step length of a grain grows after each
+accepted move and shrinks after each refused one.
 
 Grains are inserted as rain, in layers, or at random places. A lid is a wall opposite to gravity: after each sweep it is
 lowered by 1/32 of the median diameter or to the nearest grain, and the walk does not end before it rests on the grains.
@@ -57,6 +58,8 @@ from voxgran.packing.walking.walk import advance, begin, finished
 ATTEMPT = 4e-5, 1e-5
 #: mean sinking per grain between two examinations, in median diameters, below which the bed is settled
 SETTLE_DEPTH = 0.001
+#: upward moves after a collision: the paper speaks of a few
+LIFTS = 3
 #: largest distance by which the lid is lowered after a sweep, in median diameters: a voxel of digital packing
 LID_STEP = 1 / 32
 
@@ -145,6 +148,7 @@ def prepare(problem: Problem) -> ControlState:
         orientation=upright if problem.orientation is None else problem.orientation.copy(),
         entered=np.zeros(n, dtype=np.int64),
         step=np.zeros(n),
+        lifted=np.zeros(n, dtype=np.int64),
     )
     return begin(WALKER, problem, state)
 
@@ -195,6 +199,7 @@ def _rules(problem: Problem, state: ControlState) -> WalkRules:
         SHORTEST_STEP,
         problem.dimension,
         problem.orientation is not None,
+        LIFTS if settings.vibration == "collision" else 0,
     )
 
 

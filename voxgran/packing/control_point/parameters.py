@@ -36,8 +36,11 @@ class ControlPoint(Walking):
         depth up to which grains may overlap, as a model of deformable grains; with contact 'sdf' only.
     gravity_bias
         length of the vector along gravity that is added to the random unit vector of each step.
+    vibration
+        how the bed is vibrated: a fraction of all steps may go upward (cycles), or a grain makes three steps that lean
+        upward after a fraction of its collisions (collision).
     vibration_up
-        fraction of the steps that may go upward at the beginning of the first vibration cycle.
+        that fraction at the beginning of the first vibration cycle.
     rotation_share
         fraction of the attempts that also rotate the grain.
     step
@@ -62,6 +65,7 @@ class ControlPoint(Walking):
     distance: float = parameter(0.0, unit="length", at_least=0.0)
     overlap: float = parameter(0.0, unit="length", at_least=0.0)
     gravity_bias: float = parameter(0.5, former="tilt", at_least=0.0)
+    vibration: Literal["cycles", "collision"] = parameter("cycles")
     vibration_up: float = parameter(0.8, former="up", at_least=0.0, at_most=1.0)
     rotation_share: float = parameter(0.7, former="turns", at_least=0.0, at_most=1.0)
     step: float = parameter(0.1, unit="diameters of the grain", at_least=SHORTEST_STEP)

@@ -101,7 +101,7 @@ def pairs_of(problem: Problem, state: ControlState, setting: Precomputed) -> Pai
     poses = (state.position, state.orientation, state.entered, state.step)
     kinds = (problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64))
     gap = problem.length(problem.parameters.distance - problem.parameters.overlap)
-    grains = GrainPoses(*poses, *kinds, setting.extent, setting.span)
+    grains = GrainPoses(*poses, *kinds, setting.extent, setting.span, state.lifted)
     return Pairs(grains, setting.bodies, setting.cache, setting.scratch, gap)
 
 

@@ -104,7 +104,8 @@ class Bodies(NamedTuple):
 class GrainPoses(NamedTuple):
     """Positions of the grains, longest step that each one tries, its `extent` by the columns above, and its `span`.
 
-    The span is how far it reaches down and up along each axis; it is empty where there are no reaches.
+    The span is how far it reaches down and up along each axis; it is empty where there are no reaches. `lifted` counts
+    the upward moves that each grain still makes after a collision.
     """
 
     position: Floats
@@ -115,6 +116,7 @@ class GrainPoses(NamedTuple):
     diameter: Floats
     extent: Floats
     span: Floats
+    lifted: Integers
 
 
 class Walls(NamedTuple):
@@ -182,7 +184,7 @@ class WalkRules(NamedTuple):
     anywhere.  in_turn, falls: whether they enter in turn, and whether they fall when they do.  newest: how
     many of the newest grains move.  shares, vibration: fractions and schedule by the names of
     :mod:`voxgran.packing.walking.vibration`.  oriented: whether grains enter in the orientations that they have, which
-    are random otherwise.
+    are random otherwise.  lifts: number of upward moves after a collision; 0 where vibration is one of cycles.
     """
 
     gravity: Floats
@@ -197,6 +199,7 @@ class WalkRules(NamedTuple):
     shortest: float
     dimension: int
     oriented: bool
+    lifts: int
 
 
 class Pairs(NamedTuple):

@@ -19,4 +19,6 @@ class ControlState(WalkState):
     entered: Integers = field(default_factory=no_integers)
     # (n,): present step length of each grain
     step: Floats = field(default_factory=lambda: np.zeros(0))
+    # (n,): upward moves that each grain still makes after a collision
+    lifted: Integers = field(default_factory=no_integers)
     lid_before: float = 0.0  # distance by which the lid had been lowered when the bed was last examined
