@@ -5,8 +5,8 @@ The first contact of two bodies
 Two random solids approach each other until they touch, and so do the clumps fitted to them, as in figures 8 and 9 of
 Sajjadi & Khalili (2015). In each run one body starts at a random position and orientation and approaches the other by
 small random translations and rotations until control points are too close; the last step is bisected to find the
-contact. The script prints the remaining gap between the true surfaces, from the exact contacts of the packing, and the
-direction of the contact point in the frame of the fixed body, which differs between runs. It writes the poses as
+contact. The script prints the gap that remains between the true surfaces, or their overlap, from the exact contacts of
+the packing, and the direction of the contact point in the frame of the fixed body, which differs between runs. It writes the poses as
 packings and a picture.
 
 Arguments: folder, number of runs.
@@ -77,7 +77,8 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         gap = float(contacts.gap[0]) / bodies[0].diameter
         site = rotation_matrices(orientations[:1])[0].T @ (contacts.point[0] - centers[0])
         sites.append(unit(site))
-        print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(sites[-1], 2)}")
+        what = f"{'overlap' if gap < 0 else 'gap'} at contact {abs(gap):.5f} diameters"
+        print(f"{name} run {run}: {what}, touches towards {np.round(sites[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
         # Picture: Two unions of solids that touch in one point.
         # Picture: The same bodies as clumps of spheres, which touch in one point.

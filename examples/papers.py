@@ -58,14 +58,18 @@ def told(item, packings):
 
 
 cell, tall = vg.Box((8, 8, 8), periodic="xyz"), vg.Box((6, 6, 40), periodic="xy")
-sphere, disk, brick = vg.make_shape("sphere"), vg.make_shape("disk"), vg.make_shape("box", lengths=(2, 1, 1))
+sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 sizes = vg.sizes.lognormal(1.0, 0.35)
 many = {"count": 4 * count, "until": "tries", "tries": 20 * count, "seed": 1}
 told(
     "order", {order: vg.pack(sphere, cell, "rsa", sizes=sizes, order=order, **many) for order in ("random", "largest")}
 )
-turned = {"along the axes": True, "rotated": False}
-told("bricks", {name: vg.pack(brick, cell, "rsa", aligned=aligned, **many) for name, aligned in turned.items()})
+plane, square = vg.Rectangle((10, 10), "xy"), vg.make_shape("polygon", corners=4)
+rotations = {"as they come": 0, "rotated": 20}
+told(
+    "growing squares",
+    {name: vg.pack(square, plane, "random_apollonian", count=4 * count, rotate=n) for name, n in rotations.items()},
+)
 told("front", {mode: vg.pack(sphere, cell, "advancing_front", mode=mode) for mode in ("loose", "dense")})
 told(
     "growth",
@@ -104,9 +108,15 @@ flat = vg.Packing.of(disk, vg.Rectangle((1, 3**0.5), "xy"), position=[(0, 0, 0),
 corners = 0.5**0.5 * np.array([(0, 0, 0), (1, 1, 0), (1, 0, 1), (0, 1, 1)])
 dense = vg.Packing.of(sphere, vg.Box((2**0.5,) * 3, "xyz"), position=corners)
 print(f"least porosity: disks {1 - flat.solid_fraction:.4f}, spheres {1 - dense.solid_fraction:.4f}")
-placed = vg.pack(sphere, vg.Box((8, 8, 20), periodic="xy"), "rsa", count=count, sizes=sizes, seed=1)
-expanded = vg.pack([], placed.container, "expand", start=placed, solid_fraction=0.55)
-rested = vg.settle(expanded, gravity="-z")
-print(
-    f"random addition {placed.solid_fraction:.3f}, expanded {expanded.solid_fraction:.3f}, at rest {bulk(rested):.3f}"
-)
+COLUMNS = {
+    "disks": (disk, vg.Rectangle((20, 40), periodic="x"), "-y", 0.75),
+    "spheres": (sphere, vg.Box((8, 8, 20), periodic="xy"), "-z", 0.55),
+}
+for name, (shape, column, down, fraction) in COLUMNS.items():
+    placed = vg.pack(shape, column, "rsa", count=count, sizes=sizes, seed=1)
+    expanded = vg.pack([], column, "expand", start=placed, solid_fraction=fraction)
+    rested = vg.settle(expanded, gravity=down)
+    print(
+        f"{name}: random addition {placed.solid_fraction:.3f}, expanded {expanded.solid_fraction:.3f}, "
+        f"at rest {bulk(rested):.3f}"
+    )

@@ -3,8 +3,8 @@
 The share of the pores falls as a power of the number of spheres, from which the exponent of the number of spheres above
 a size follows: with a slope -s of the logarithms in d dimensions it is d / (1 + s). Each value is that between two
 numbers of spheres, a mean over several packings with its standard error. Nuclei keep arriving at one rate per volume
-and time, so that more spheres stand for a longer time. Exponents of gaskets are fitted to the number of spheres up to a
-curvature.
+and time, so that more spheres stand for a longer time; they grow at one rate (Andrienko, Brilliantov & Krapivsky 1994)
+or at random ones (Dodds & Weitz 2002). Exponents of gaskets are fitted to the number of spheres up to a curvature.
 
 Squares show what the shape and its rotation change.
 """
@@ -34,6 +34,8 @@ SQUARES: dict[str, dict[str, Any]] = {
     "random_apollonian, rotated squares": {"rotate": 20},
 }
 FEWER = 4
+#: methods of spheres, and their options
+SPHERES: dict[str, dict[str, Any]] = {"growth": {}, "growth, random rates": {"slowest": 0.01}, "random_apollonian": {}}
 #: growth of radii while the smallest number of nuclei arrives, in diameters of equal spheres that fill the container
 SPEED = 5.0
 #: published exponents by dimension: of random packings (Dodds & Weitz 2002, doi:10.1103/PhysRevE.65.056108), and of
@@ -60,7 +62,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure all exponents, and write rows as CSV and a figure as SVG."""
     rows: list[Row] = []
     for dimension in (2, 3):
-        for method in ("growth", "random_apollonian", *(SQUARES if dimension == 2 else ())):
+        for method in (*SPHERES, *(SQUARES if dimension == 2 else ())):
             rows += random_rows(method, dimension)
         rows.append(gasket_row(dimension))
     head = "dimension,method,spheres,exponent:.5f,standard_error:.5f,published:g,cpu_seconds:.3f"
@@ -99,14 +101,14 @@ def _pores(method: str, dimension: int, count: int, seed: int) -> float:
     """Return the porosity of a periodic packing."""
     shape = make_shape("disk" if dimension == 2 else "sphere")
     room: Container = Rectangle((10, 10), "xy") if dimension == 2 else Box((10, 10, 10), "xyz")
-    options: dict[str, Any] = {}
+    options, kind = {**SPHERES, **SQUARES}[method], method.partition(",")[0]
     if method in SQUARES:
-        shape, options = make_shape("polygon", corners=4), SQUARES[method]
-    if method == "growth":
+        shape = make_shape("polygon", corners=4)
+    if kind == "growth":
         # arrivals and growth per time and volume do not depend on the number
         speed = SPEED * (count / COUNTS[0]) ** ((dimension + 1) / dimension)
-        options = {"arrival": "continuous", "speed": speed}
-    return 1.0 - pack(shape, room, method=method.partition(",")[0], count=count, seed=seed, **options).solid_fraction
+        options = {**options, "arrival": "continuous", "speed": speed}
+    return 1.0 - pack(shape, room, method=kind, count=count, seed=seed, **options).solid_fraction
 
 
 def gasket_row(dimension: int) -> Row:
@@ -126,8 +128,7 @@ def exponent_of(curvature: Floats, low: float, high: float) -> float:
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the exponents of random packings against the number of spheres."""
-    labels = {"growth": "growth, nuclei keep arriving", "random_apollonian": "random Apollonian"}
-    labels |= {method: method.replace("random_apollonian", "random Apollonian") for method in SQUARES}
+    labels = {method: method.replace("random_apollonian", "random Apollonian") for method in (*SPHERES, *SQUARES)}
     with panels_of(path, 2, width=10.0, height=4.0) as panels:
         for panel, dimension in zip(panels, (2, 3), strict=True):
             for method, label in labels.items():
