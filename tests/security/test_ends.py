@@ -67,12 +67,14 @@ def test_only_locks_of_voxgran_do_not_count(name, tmp_path):
 
 
 def test_a_closed_terminal_is_noted_and_nohup_is_heeded():
-    with Signals() as signals:
-        os.kill(os.getpid(), signal.SIGHUP)
-        assert signals.number == signal.SIGHUP
-        signals.patient = True
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # the tests may run below nohup themselves
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     try:
+        with Signals() as signals:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signals.number == signal.SIGHUP
+            signals.patient = True
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         with Signals() as signals:
             os.kill(os.getpid(), signal.SIGHUP)
             assert signals.number == 0

@@ -19,6 +19,8 @@ from voxgran.scene.processes import Process, compute, start
 #: a command that is told to do something in the middle of its work
 PROGRAM = """
 import os, signal, sys, time
+# tests may run below nohup
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 

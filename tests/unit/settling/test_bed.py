@@ -169,7 +169,7 @@ def test_what_is_known_of_pairs_follows_them_to_a_new_list(assembly):
     bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(3))
     here, many, before = bed.grains.position.copy(), np.flatnonzero(np.arange(bed.count) % 3), {}
     # a few pairs are listed, then more than there was room for, then all but those of one grain
-    for away, kept in ((many, 0), (many[:0], 20), (many[:1], 100)):
+    for away, known in ((many, 0), (many[:0], 10), (many[:1], 80)):
         fresh = Bed(assembly, DOWN, exact=True)
         bed.grains.position[:] = here + 1e-4 * generator.normal(size=here.shape)
         bed.grains.position[away, 2] += 100.0 * (1 + np.arange(len(away)))
@@ -180,7 +180,9 @@ def test_what_is_known_of_pairs_follows_them_to_a_new_list(assembly):
         work = bed.finders._surface_work.arrays
         some = work.key[:, 1, 2] >= 0
         held = dict(zip(map(tuple, work.key[some, 1, :2].tolist()), work.pose[some, 1, :12].tolist(), strict=True))
-        assert sum(before[pair] == held[pair] for pair in held.keys() & before.keys()) >= kept
+        both = held.keys() & before.keys()
+        assert len(both) >= known
+        assert sum(before[pair] == held[pair] for pair in both) >= 0.8 * len(both)
         before = held
 
 
