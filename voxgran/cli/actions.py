@@ -315,12 +315,19 @@ def demo(options: argparse.Namespace) -> int:
     """Pack scanned rocks and random solids, prove, measure, save and show them."""
     from voxgran.scene.demo import run_demo
 
+    told: list[Any] = []
+
+    def tell(row: dict[str, Any]) -> None:
+        """Print a row of the table as soon as it is known."""
+        table([row], head=not told, least=10)
+        told.append(row)
+
     with progress(options) as on_step:
-        rows = run_demo(options.output, overwrite=options.overwrite, on_step=on_step)
+        on_row = None if options.json else tell
+        rows = run_demo(options.output, overwrite=options.overwrite, on_step=on_step, on_row=on_row)
     if options.json:
         print(json.dumps(rows, indent=2))
     else:
-        table(rows)
         print(f"results in {options.output}: open report.html, or packing.vtp and scene.vtm in ParaView")
     return 0 if all(row["verify"] == "ok" for row in rows) else 1
 

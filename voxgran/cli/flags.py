@@ -305,7 +305,15 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),
     "bench": (_flag("name", help="trade-off, such as settle"), _flag("-o", "--output", default="bench", help="folder")),
-    "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
+    "doctor": (
+        _flag(
+            "--warm",
+            nargs="?",
+            const="all",
+            choices=("all", "demo"),
+            help="compile the kernels of usual scenes, which takes minutes, or those of the demo",
+        ),
+    ),
     "data": (
         _flag("name", nargs="?", help="such as eros.obj or itokawa_lp.obj; default: the files are listed"),
         _flag("-o", "--output", help="file; default: of the same name, in this folder"),
