@@ -2,6 +2,8 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ok
+# what says that all kernels that tests use have been compiled there
+WARM := $(VENV)/.warm
 # processes of the tests
 WORKERS ?= 2
 # seeds of the tests with moved starts
@@ -64,10 +66,16 @@ FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
   example-app study-density table-block_speed table-first_calls
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
-	$(BIN)/voxgran demo -o out/demo --overwrite
+	@tools/timed.sh $(VENV) demo "340 scanned rocks and random solids are packed by two methods and settled, and a page shows them" \
+	  $(BIN)/voxgran demo -o out/demo --overwrite
 
-test: $(STAMP)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
+$(WARM): $(STAMP)
+	@tools/timed.sh $(VENV) warm "all kernels are compiled, as tests need them" $(BIN)/voxgran doctor --warm
+	touch $@
+
+test: $(WARM)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
+	@OMP_NUM_THREADS=1 tools/timed.sh $(VENV) test "about 11,600 tests run in $(WORKERS) processes" \
+	  $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough

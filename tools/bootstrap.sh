@@ -161,11 +161,11 @@ print(*(line for line in needed if re.split(r"[^\w-]", line)[0] not in LARGE), s
 PYTHON
 }
 
-say "installing voxgran and what it needs into $venv (about 2 GB, some minutes); kernels are compiled meanwhile"
+say "installing voxgran and what it needs into $venv (about 2 GB, some minutes); the kernels of the demo are compiled meanwhile"
 mapfile -t light < <(light_requirements)
 install "${light[@]}"
 install --no-deps --editable .
-"$venv/bin/voxgran" doctor --warm &
+"$venv/bin/voxgran" doctor --warm demo &
 compiling=$!
 trap 'kill "$compiling" 2>/dev/null || true' EXIT
 install --editable '.[dev]'

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import textwrap
 import time
+import typing
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -25,13 +26,16 @@ import voxgran.cli.warm as beforehand
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
 from voxgran.bench.model import trade_offs
-from voxgran.cli import bits, main
+from voxgran.cli import bits, flags, main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import name_flags
 from voxgran.clumps.method import clump_registry
 from voxgran.contacts.manifolds.finders import kinds_of
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE
+from voxgran.decks.simulation import LONGEST
+from voxgran.decks.write import KINDS
 from voxgran.geometry import morton
+from voxgran.packing.grains import ColorBy
 from voxgran.packing.method import method_registry
 from voxgran.settling import balance, impulses, projected_gradient
 from voxgran.shapes.family import families
@@ -711,6 +715,32 @@ def test_shells_complete_commands_and_flags(shell, capsys):
     script = capsys.readouterr().out
     for word in ("repair", "compare", "voxgran", *(["--resume"] if shell != "tcsh" else [])):
         assert word in script
+
+
+#: words, and how many modules of other rooms than the prompt they load at the most
+LOADED = [(["--version"], 8), (["--help"], 8), (["run", "--help"], 8)]
+
+
+@pytest.mark.parametrize(("words", "most"), LOADED, ids=str)
+def test_the_prompt_loads_what_it_shows(words, most):
+    """No NumPy, and no module of the package but those of the prompt and a few that its errors and signals need."""
+    program = (
+        "import sys\nfrom voxgran.cli import main\n"
+        f"try:\n    main({words})\nexcept SystemExit:\n    pass\n"
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    loaded = told.stderr.split()
+    assert "numpy" not in loaded
+    assert "shtab" not in loaded
+    own = [name for name in loaded if name.startswith("voxgran.") and not name.startswith("voxgran.cli")]
+    assert len(own) <= most, own
+
+
+def test_choices_of_flags_are_those_of_the_package():
+    assert typing.get_args(ColorBy) == flags.COLORS
+    assert flags.KINDS == KINDS
+    assert flags.LONGEST == LONGEST
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -120,7 +120,13 @@ class Kernel:
     def _dispatcher(self, kind: str, compiler: str, **options: Any) -> Callable[..., Any]:
         """Return a dispatcher of the function: its class and that of its compiler are named in `linking`."""
         linking = _linking()
-        shared = {"nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy"}
+        shared = {
+            "nopython": True,
+            "no_cfunc_wrapper": True,
+            "boundscheck": None,
+            "nogil": True,
+            "error_model": "numpy",
+        }
         own = {"_nrt": self._counted, "forceinline": self._inlined}
         made: Callable[..., Any] = getattr(linking, kind)(
             self._linked(), targetoptions={**shared, **own, **options}, pipeline_class=getattr(linking, compiler)

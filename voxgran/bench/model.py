@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -27,8 +27,9 @@ from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
-from voxgran.shapes.files import load_shape
-from voxgran.shapes.model import Shape
+
+if TYPE_CHECKING:
+    from voxgran.shapes.model import Shape
 
 LOG = logging.getLogger(__name__)
 P = ParamSpec("P")
@@ -137,8 +138,10 @@ def best_rate(
     return best, found
 
 
-def scans(*names: str) -> dict[str, Shape]:
+def scans(*names: str) -> dict[str, "Shape"]:
     """Return the scanned bodies of such files by the stem of the name; those that the repository does not have lack."""
+    from voxgran.shapes.files import load_shape
+
     return {Path(name).stem: load_shape(DATA / name) for name in names if (DATA / name).is_file()}
 
 

@@ -87,17 +87,17 @@ def _warm(options: argparse.Namespace) -> int:
     from voxgran.cli.warm import warm
 
     if not options.json:
-        print("compiling kernels (once per machine), which may take some minutes", file=sys.stderr)
+        long = "some minutes" if options.warm == "all" else "about two minutes"
+        print(f"compiling kernels (once per machine), which may take {long}", file=sys.stderr)
     with progress(options) as on_step:
-        done = warm(on_step)
+        done = warm(on_step, options.warm)
     if options.json:
         show({**asdict(done), "kernel_cache": cache_folder()}, options)
     elif done.kernels:
         print(f"{done.kernels} kernels compiled in {done.seconds:.0f} s; they are kept in {cache_folder()}")
     else:
-        print(
-            f"nothing was left to compile ({done.seconds:.0f} s): all kernels of usual scenes are in {cache_folder()}"
-        )
+        scenes = "usual scenes" if options.warm == "all" else "the demo"
+        print(f"nothing was left to compile ({done.seconds:.0f} s): all kernels of {scenes} are in {cache_folder()}")
     return 0
 
 

@@ -3,14 +3,10 @@
 import argparse
 import contextlib
 import json
-import typing
 from collections.abc import Callable
 from typing import Any
 
 from voxgran._base.errors import InputError
-from voxgran.decks.simulation import LONGEST
-from voxgran.decks.write import KINDS
-from voxgran.packing.grains import ColorBy
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 
@@ -102,10 +98,13 @@ GOES_ON: tuple[Flag, ...] = (
     _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
     _flag("--resume", action="store_true", help="go on from the checkpoint"),
 )
+#: choices and a default of other rooms, written here too, since these import NumPy and half of the package: `ColorBy`,
+#: `KINDS` and `LONGEST`, which tests compare
+COLORS = ("diameter", "height", "shape", "density", "coordination", "distance", "force", "residual")
+KINDS = ("clump", "polyhedron", "mesh", "level_set", "convex_parts")
+LONGEST = 200.0
 TARGETS = ("iou", "volume", "inertia", "surface")
-COLORED = _flag(
-    "--color-by", choices=typing.get_args(ColorBy), default="diameter", help="what the grains are coloured by"
-)
+COLORED = _flag("--color-by", choices=COLORS, default="diameter", help="what the grains are coloured by")
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {
@@ -306,7 +305,15 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),
     "bench": (_flag("name", help="trade-off, such as settle"), _flag("-o", "--output", default="bench", help="folder")),
-    "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
+    "doctor": (
+        _flag(
+            "--warm",
+            nargs="?",
+            const="all",
+            choices=("all", "demo"),
+            help="compile the kernels of usual scenes, which takes minutes, or those of the demo",
+        ),
+    ),
     "data": (
         _flag("name", nargs="?", help="such as eros.obj or itokawa_lp.obj; default: the files are listed"),
         _flag("-o", "--output", help="file; default: of the same name, in this folder"),

@@ -4,20 +4,15 @@ The examples stand in a table, one for each command.
 """
 
 import argparse
-import dataclasses
 import re
-import typing
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING
+from importlib import import_module
 from typing import Any, NoReturn
 
 import voxgran
-from voxgran._base.config import Parameter, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown, warn_former
 from voxgran._base.lazy import load
-from voxgran.cli.flags import FLAGS, Once, as_value
-from voxgran.settling.material import Material
-from voxgran.settling.parameters import Compression, Settling
+from voxgran.cli.flags import FLAGS, Once
 
 
 class Parser(argparse.ArgumentParser):
@@ -56,11 +51,17 @@ class Parser(argparse.ArgumentParser):
 DIRECTION = re.compile(r"-[xyz]|-[\d.][^,]*,.*")
 #: what a command line holds beside flags of its command
 NO_FLAGS = ("command", "family", "file", "name", "print_completion")
+#: shells for which `shtab` writes scripts; importing it takes longer than all else that the help needs
+SHELLS = ("bash", "zsh", "tcsh")
+COMPLETION = "print a completion script for a shell and end"
+#: commands that have the parameters of classes as flags
+WITH_PARAMETERS = ("shape", "settle", "compress", "export", "relax", "clump")
 
 
 def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., Any]]]) -> Parser:
-    """Return the parser of the commands, each with its help and function; `shape` gets the flags of the family that the
-    words name.
+    """Return the parser of the commands, each with its help and function.
+
+    Where words are given, only the command that they name gets its flags, and `shape` those of the family in them.
 
     Raises
     ------
@@ -74,9 +75,13 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
         "Completion in bash: source <(voxgran --print-completion bash); zsh and tcsh likewise.",
     )
     top.add_argument("--version", action="version", version=f"voxgran {voxgran.__version__}")
-    load("shtab").add_argument_to(top, ["--print-completion"], help="print a completion script for a shell and end")
+    completing = any(word.startswith("--print-completion") for word in words)
+    if completing:
+        load("shtab").add_argument_to(top, ["--print-completion"], help=COMPLETION)
+    else:
+        top.add_argument("--print-completion", choices=SHELLS, default=argparse.SUPPRESS, help=COMPLETION)
     named = [word for word in words if not word.startswith("-")]
-    if named and named[0] not in commands and "--print-completion" not in words:
+    if named and named[0] not in commands and not completing:
         raise UnknownNameError(unknown("command", named[0], commands))
     subparsers = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (text, _) in commands.items():
@@ -87,22 +92,17 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             epilog=f"example:\n  {EXAMPLES[name]}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
+        if words and not completing and name not in named[:1]:
+            # no word of the line is a flag of it
+            continue
         for flags, keywords in FLAGS.get(name, ()):
             added = sub.add_argument(*flags, **keywords)
-            if flags[0] in ("file", "-o"):
+            if completing and flags[0] in ("file", "-o"):
                 added.complete = load("shtab").FILE  # type: ignore[attr-defined]
-        if name == "shape":
-            _add_family(sub, named)
         if name == "bench" and named[:1] == ["bench"]:
             sub.epilog = f"trade-offs:\n  {', '.join(_trade_offs())}\n\n{sub.epilog}"
-        if name == "settle":
-            _add_parameters(sub, Settling)
-        if name == "compress":
-            _add_parameters(sub, Compression)
-        if name in ("export", "relax"):
-            _add_parameters(sub, Material)
-        if name == "clump" and named[:1] == ["clump"]:
-            _add_parameters(sub, _clump_parameters(words))
+        if name in WITH_PARAMETERS:
+            import_module(f"{__package__}.parameters").add_parameters(sub, name, words)
         sub.add_argument("--json", action="store_true", help="print JSON")
         again = "compute all runs anew, also those that are finished" if name == "study" else "replace what is there"
         sub.add_argument("--overwrite", action="store_true", help=again)
@@ -174,67 +174,11 @@ def name_flags(sentence: str, options: argparse.Namespace) -> str:
     return sentence
 
 
-def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
-    """Add the family, its parameters as flags, the seed and the output."""
-    from voxgran.shapes.family import families
-
-    sub.add_argument("family", help=", ".join(families().names()))
-    sub.add_argument("--seed", type=int, default=0, help="seed of a random family")
-    sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP; with --count, a folder")
-    sub.add_argument("--count", type=int, help="make so many shapes, each with random numbers of its own")
-    kinds = ("stl", "obj", "ply", "off", "vtp")
-    sub.add_argument("--format", choices=kinds, help="kind of the files of many shapes; default: stl")
-    sub.add_argument("--gallery", help="picture of the shapes in rows (.png)")
-    if len(named) > 1 and named[0] == "shape":
-        for item in parameters_of(families().get(named[1]).parameters):
-            for name in item.names:
-                text = parameter_text(item).replace("%", "%%") if name == item.name else argparse.SUPPRESS
-                sub.add_argument("--" + name.replace("_", "-"), dest=name, type=as_value, help=text)
-
-
 def _trade_offs() -> Sequence[str]:
     """Return the names of all trade-offs."""
     from voxgran.bench.model import trade_offs
 
     return trade_offs().names()
-
-
-def _clump_parameters(words: Sequence[str]) -> type:
-    """Return the parameter class of the clump method that the words name, or of the default."""
-    from voxgran.clumps.method import clump_registry
-
-    method = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    method.add_argument("--method", default="optimal")
-    return clump_registry().get(method.parse_known_args(list(words))[0].method).parameters
-
-
-def _add_parameters(sub: argparse.ArgumentParser, cls: type) -> None:
-    """Add the parameters of a class as flags; those of a group that is one of them begin with its name."""
-    for item in parameters_of(cls):
-        group = nested_class(item)
-        entries = {item.name: item} if group is None else {f"{item.name}_{e.name}": e for e in parameters_of(group)}
-        for name, entry in entries.items():
-            text = parameter_text(entry).replace("%", "%%")
-            sub.add_argument("--" + name.replace("_", "-"), dest=name, type=as_value, help=text)
-
-
-def nested_class(item: Parameter) -> type | None:
-    """Return the class of a parameter that is a group of parameters; None for others."""
-    kinds = (item.type, *typing.get_args(item.type))
-    if float in kinds:
-        # a number or a table: flags give the number
-        return None
-    return next((kind for kind in kinds if isinstance(kind, type) and dataclasses.is_dataclass(kind)), None)
-
-
-def parameter_text(item: Parameter) -> str:
-    """Return the meaning of a parameter, its type or allowed values, and its default in one line."""
-    if item.default is MISSING:
-        rest = "must be given"
-    else:
-        rest = "optional" if item.default is None else f"default {item.default!r}"
-    unit = "" if item.unit in ("", "length") or item.unit in item.doc else f" {item.unit}"
-    return f"{item.doc} ({item.type_text}{unit}; {rest})"
 
 
 #: an example of each command, shown at the end of its help

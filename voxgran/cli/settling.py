@@ -15,7 +15,7 @@ from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
-from voxgran.cli.parser import nested_class
+from voxgran.cli.parameters import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.containers.gravity import as_down, proposed_axis
 from voxgran.io.files import check_savable

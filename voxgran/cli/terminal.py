@@ -66,7 +66,9 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
         *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("{task.fields[left]}")) * timed),
         rich.TextColumn("{task.fields[text]}"),
     )
-    with rich.Progress(*columns, console=load("rich.console").Console(file=_Stream()), transient=True) as bar:
+    console = load("rich.console").Console(file=_Stream())
+    # what is printed meanwhile stands above the bar, but goes to its own place where that is no terminal
+    with rich.Progress(*columns, console=console, transient=True, redirect_stdout=sys.stdout.isatty()) as bar:
         stages: dict[str, Any] = {}
         present: list[Any] = []
 
@@ -163,13 +165,13 @@ def entry_line(name: str, text: str) -> None:
         )
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print rows as a table."""
+def table(rows: Sequence[Mapping[str, Any]], *, head: bool = True, least: int = 0) -> None:
+    """Print rows as a table, with their heads or as further rows of one; columns are at least so wide."""
     heads = list(rows[0])
     cells = [[f"{row[h]:.4g}" if isinstance(row[h], float) else str(row[h]) for h in heads] for row in rows]
-    wide = [max(len(text) for text in column) for column in zip(heads, *cells, strict=True)]
-    for line in (heads, *cells):
-        print("  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)))
+    wide = [max(least, *map(len, column)) for column in zip(heads, *cells, strict=True)]
+    for line in (heads, *cells)[not head :]:
+        print("  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)), flush=True)
 
 
 def warn(message: Warning | str, *_: Any) -> None:

@@ -1,4 +1,4 @@
-"""What `voxgran doctor --warm` does: compile the kernels that usual scenes use, by computing tiny scenes."""
+"""What `voxgran doctor --warm` does: compile the kernels of usual scenes, or of the demo, by computing tiny ones."""
 
 import time
 import warnings
@@ -34,6 +34,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.packing.transform.from_labels import packing_of_labels
+from voxgran.scene import demo
 from voxgran.scene.processes import TICK, Process, compute, start
 from voxgran.settling import projected_gradient
 from voxgran.settling.equilibrium import equilibrium
@@ -71,7 +72,9 @@ ADDING: dict[str, dict[str, Any]] = {
     "gravity": {},
     "growth": {},
 }
-#: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
+#: scenes whose kernels are compiled, and grains of the demo then
+CHOICES, FEW = ("all", "demo"), 12
+#: number of kernels that all scenes use, of which a package that was built by `make dist` brings all
 KERNELS = 164
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
@@ -85,15 +88,18 @@ class Warmed:
     seconds: float
 
 
-def warm(on_step: OnStep | None = None) -> Warmed:
-    """Compile the kernels of usual scenes that are not yet in the cache.
+def warm(on_step: OnStep | None = None, which: str = "all") -> Warmed:
+    """Compile the kernels of usual scenes, or of the demo, that are not yet in the cache.
 
     Parameters
     ----------
     on_step : callable, optional
         Told of each scene.
+    which : {"all", "demo"}
+        Those of which scenes.
     """
-    began, before, tasks = time.monotonic(), _count(), scenes()
+    began, before = time.monotonic(), _count()
+    tasks = scenes() if which == "all" else [partial(_show, method) for method in demo.PARAMETERS]
     waiting = [partial(_compute, task) for task in reversed(tasks)]
     with ExitStack() as stack:
         pool = {}
@@ -109,7 +115,8 @@ def warm(on_step: OnStep | None = None) -> Warmed:
             if waiting:
                 process.connection.send(waiting.pop())
             if on_step is not None:
-                text = f"kernels (once per machine), {_count() - before} of at most {KERNELS}"
+                most = f" of at most {KERNELS}" * (which == "all")
+                text = f"kernels (once per machine), {_count() - before}{most}"
                 on_step(Step(stage="compiling", done=done, total=len(tasks), text=text))
     return Warmed(_count() - before, time.monotonic() - began)
 
@@ -126,6 +133,11 @@ def scenes() -> list[Callable[[], None]]:
     added = [partial(add_few, method, **more) for method, more in ADDING.items()]
     few = [settle_many, overlap_few, measure_few, read_few, deform_few, use_solids]
     return [*in_turn, *packed[len(settled) :], *asked, *added, *few, *made]
+
+
+def _show(method: str) -> None:
+    """Pack a few grains as the demo does."""
+    demo.packed(method, FEW)
 
 
 def _methods() -> list[str]:

@@ -153,7 +153,8 @@ def _bury(one, margin, other, other_margin, offset, size, contact):  # type: ign
     deeper = penetration(other, other_margin, one, margin, reverse, size, back)
     contact[0] = -max(way[0], back[0])
     if way[0] >= back[0] and (way[1] != 0.0 or way[2] != 0.0 or way[3] != 0.0):
-        contact[1:] = way[1:]
+        for c in range(1, len(way)):
+            contact[c] = way[c]
         return deep or deeper
     if back[1] != 0.0 or back[2] != 0.0 or back[3] != 0.0:
         for c in range(3):

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.tree import TriangleTree, is_behind, nearest_triangle, push_halves, square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
 
@@ -104,28 +104,35 @@ def _try_point(x, y, z, tree, inside, best, found, sight):  # type: ignore[no-un
     return best
 
 
+@bare_kernel
+def _copy(source, target):  # type: ignore[no-untyped-def]
+    """Copy a triangle number by number: numba compiles an assignment of slices for seconds."""
+    for i in range(3):
+        for k in range(3):
+            target[i, k] = source[i, k]
+
+
 @kernel
 def _search_triangles(triangles, tree, inside, floor, found):  # type: ignore[no-untyped-def]
     """Bisect triangles until none can contain a point deeper than the best; return the depth of the best."""
     best, steps, sight = 0.0, 0, np.zeros(1)
     stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
     for t in range(len(triangles)):
-        middle[:] = 0.0
+        u, v, w = 0.0, 0.0, 0.0
         for c in range(3):
             x, y, z = triangles[t, c, 0], triangles[t, c, 1], triangles[t, c, 2]
             best = _try_point(x, y, z, tree, inside, best, found, sight)
-            middle += triangles[t, c] / 3.0
-        x, y, z = middle[0], middle[1], middle[2]
-        best = _try_point(x, y, z, tree, inside, best, found, sight)
+            u, v, w = u + x / 3.0, v + y / 3.0, w + z / 3.0
+        best = _try_point(u, v, w, tree, inside, best, found, sight)
     for t in range(len(triangles)):
-        stack[0] = triangles[t]
+        _copy(triangles[t], stack[0])
         depth = 1
         # the unused budget of one triangle passes to the next, so that a seam of the surface cannot use up all of it
         allowed = MOST_PATCHES * (t + 1) // len(triangles)
         while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
-            patch[:] = stack[depth]
+            _copy(stack[depth], patch)
             for i in range(3):
                 middle[i] = (patch[0, i] + patch[1, i] + patch[2, i]) / 3.0
             x, y, z = middle[0], middle[1], middle[2]
@@ -141,8 +148,9 @@ def _search_triangles(triangles, tree, inside, floor, found):  # type: ignore[no
             for i in range(3):
                 middle[i] = 0.5 * (patch[a, i] + patch[b, i])
             for side in range(2):
-                stack[depth + side] = patch
-                stack[depth + side, a if side == 0 else b] = middle
+                _copy(patch, stack[depth + side])
+                for i in range(3):
+                    stack[depth + side, a if side == 0 else b, i] = middle[i]
             depth += 2
     return best
 
@@ -195,7 +203,8 @@ def _search_round(profile, matrix, center, tree, floor, found):  # type: ignore[
         while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
-            patch[:] = stack[depth]
+            for i in range(len(patch)):
+                patch[i] = stack[depth, i]
             _hull(profile, k, patch, matrix, center, hull)
             reach = np.inf
             for trip in range(3):

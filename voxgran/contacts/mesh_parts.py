@@ -195,7 +195,8 @@ def depth_in_convex(row: Floats, center: Floats, sphere: float, size: float, tre
                 continue
             deep |= penetration(row, 0.0, triangle, 0.0, shift, size, trial)
             if trial[0] >= contact[0]:
-                contact[:] = trial
+                for i in range(len(trial)):
+                    contact[i] = trial[i]
                 for i in range(3):
                     contact[4 + i] += center[i]
     return deep

@@ -338,10 +338,14 @@ def _cover_box(squares, spheres, box, covered):  # type: ignore[no-untyped-def]
     many, count = len(spheres), 1
     # by columns, which become vector instructions
     lists = np.empty((4, 2 * many + 1), spheres.dtype)
-    lists[:, :many] = spheres.T
+    for k in range(many):
+        for column in range(4):
+            lists[column, k] = spheres[k, column]
     # the ends of a box, and where the list of the box around it begins and ends
     boxes = np.empty((7 * 32, 8), np.int64)
-    boxes[0, :6], boxes[0, 6:] = np.array(box), (0, many)
+    for side in range(6):
+        boxes[0, side] = box[side]
+    boxes[0, 6], boxes[0, 7] = 0, many
     sites, best = np.empty((3, LEAF**3), lists.dtype), np.empty(LEAF**3, lists.dtype)
     room, margins = np.zeros(7, lists.dtype), np.empty((2, BLOCK), lists.dtype)
     while count:
@@ -349,7 +353,9 @@ def _cover_box(squares, spheres, box, covered):  # type: ignore[no-untyped-def]
         a, b, c, d, e, f, begin, end = boxes[count]
         if lists.shape[1] <= 2 * end - begin:
             longer = np.empty((4, 2 * lists.shape[1]), lists.dtype)
-            longer[:, :end] = lists[:, :end]
+            for column in range(4):
+                for k in range(end):
+                    longer[column, k] = lists[column, k]
             lists = longer
         room[0], room[1], room[2] = (a + d) / 2, (b + e) / 2, (c + f) / 2
         room[3], room[4], room[5] = (d - a) / 2, (e - b) / 2, (f - c) / 2

@@ -5,6 +5,7 @@ measured, saved and shown.
 import json
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -45,10 +46,17 @@ FRICTION = 0.3
 
 
 def run_demo(
-    folder: str | os.PathLike[str], *, overwrite: bool = False, on_step: OnStep | None = None, grains: int = GRAINS
+    folder: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    on_step: OnStep | None = None,
+    on_row: Callable[[dict[str, Any]], None] | None = None,
+    grains: int = GRAINS,
 ) -> list[dict[str, Any]]:
     """Pack and settle the same grains by both methods and leave files, statistics and a page; return one row per
     method: grains, solid fractions, coordination, share at rest, verification, seconds.
+
+    `on_row` is told of each row as soon as its bed is saved, before the page is made.
 
     Raises
     ------
@@ -62,23 +70,31 @@ def run_demo(
         If the scans are not installed.
     """
     with opened_folder(folder, resume=False, overwrite=overwrite) as target:
-        return _run_in(target, grains, on_step)
+        return _run_in(target, grains, on_step, on_row)
 
 
-def _run_in(target: Path, grains: int, on_step: OnStep | None) -> list[dict[str, Any]]:
+def _run_in(
+    target: Path, grains: int, on_step: OnStep | None, on_row: Callable[[dict[str, Any]], None] | None
+) -> list[dict[str, Any]]:
     """Pack, check, measure and draw in a folder that no other process uses."""
-    # one core each: the second method works in a process of its own while the first shows its progress here
-    with start(compute, Process) as other:
-        other.connection.send(partial(_packed, "control_point", grains))
-        first = _packed("digital", grains, on_step)
-        second = other.receive()
     rows = []
-    for stem, result in (("", first), ("_control_point", second)):
+
+    def keep(result: _Result, stem: str) -> _Result:
+        """Save a bed with its numbers, and tell them."""
         save(result.packing, target / f"packing{stem}.vtp", overwrite=True)
         save_statistics(result.statistics, target / f"statistics{stem}.nc", overwrite=True)
         numbers = summary_of(result.packing, result.proof, result.statistics)
         write_text(target / f"summary{stem}.json", json.dumps(numbers, indent=2, default=str) + "\n")
         rows.append(_row(result, numbers))
+        if on_row is not None:
+            on_row(rows[-1])
+        return result
+
+    # one core each: the second method works in a process of its own while the first shows its progress here
+    with start(compute, Process) as other:
+        other.connection.send(partial(packed, "control_point", grains))
+        first = keep(packed("digital", grains, on_step), "")
+        keep(other.receive(), "_control_point")
     save_scene(first.packing, target / "scene.vtm", overwrite=True)
     save_report(
         first.packing,
@@ -103,8 +119,8 @@ class _Result:
     seconds: float
 
 
-def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
-    """Pack the grains by one method, let them settle, prove and measure."""
+def packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
+    """Pack the grains by one method of `PARAMETERS`, let them settle, prove and measure."""
     shapes = [
         *(load_shape(data_file(name)) for name in SCANS),
         *(make_shape("solid_union", seed=seed) for seed in SEEDS),

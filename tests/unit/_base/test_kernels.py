@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import os
+import resource
 import stat
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from kit import Forked
+from kit import Forked, slow
 
 import voxgran as vg
 from voxgran._base.errors import unknown
@@ -25,6 +26,15 @@ from voxgran._base.registry import Registry
 @kernel
 def _double(x):
     return 2.0 * x
+
+
+@kernel
+def _reversed_doubles(values):
+    made = np.empty(len(values))
+    part = made[1:]
+    for k in range(len(values)):
+        made[k] = 2.0 * values[len(values) - 1 - k]
+    return made if made[0] > part[0] else part
 
 
 @kernel
@@ -407,3 +417,42 @@ def test_no_garbage_is_looked_for_while_a_kernel_is_compiled(collects, monkeypat
     after = gc.isenabled()
     (gc.enable if before else gc.disable)()
     assert (meanwhile, after) == ([False], collects)
+
+
+def test_arrays_of_kernels_are_freed():
+    """Kernels are optimized once, without the passes of numba that bring reference counts together."""
+    values = np.arange(500.0)
+    _reversed_doubles(values)
+    before, held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, sys.getrefcount(values)
+    for _ in range(100_000):
+        _reversed_doubles(values)
+    # KiB; arrays that stay would take 400,000
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000
+    assert sys.getrefcount(values) == held
+
+
+#: first calls, and how many kernels each loads or compiles at the most
+FIRST_CALLS = [
+    ('vg.pack(vg.shapes.sphere(), vg.Box((8, 8, 8)), "rsa", solid_fraction=0.3)', 8),
+    ('vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 9)), "gravity", count=30)', 19),
+    slow('vg.pack(vg.make_shape("solid_union"), vg.Box((6, 6, 9)), "gravity", count=10)', 24),
+    slow('demo.packed("digital", 12)', 37),
+    slow('demo.packed("control_point", 12)', 38),
+]
+COUNTED = """
+import gc
+import voxgran as vg
+from voxgran._base.kernels import Kernel
+from voxgran.scene import demo
+{}
+used = [kernel for kernel in gc.get_objects() if isinstance(kernel, Kernel) and kernel._compiled is not None]
+print(sum(len(getattr(kernel.compiled(), "signatures", ())) for kernel in used))
+"""
+
+
+@pytest.mark.parametrize(("call", "most"), FIRST_CALLS)
+def test_a_first_call_needs_few_kernels(call, most):
+    """They are what a new machine waits for."""
+    program = [sys.executable, "-W", "ignore", "-c", COUNTED.format(call)]
+    told = subprocess.run(program, capture_output=True, text=True, check=True)
+    assert 0 < int(told.stdout) <= most

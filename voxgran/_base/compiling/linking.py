@@ -180,6 +180,11 @@ class CallerLibrary(JITCodeLibrary):
         self._linking_libraries: list[Any] = _all_behind(self._linking_libraries)
         super().finalize()
 
+    def _optimize_final_module(self) -> None:
+        """Optimize once: numba's cheap passes before bring reference counts together, as the full ones do."""
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
 
 def _all_behind(libraries: list[Any]) -> list[Any]:
     """Return libraries with those that callees among them need: each once, and behind all that may call it.
