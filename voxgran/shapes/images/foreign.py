@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.errors import FileFormatError, shown
+from voxgran._base.files import leads_out
 from voxgran._base.guarded import Content, one_file, read_part
 from voxgran._base.vtk_readers import chosen_name
 from voxgran.lattice.image import block_library
@@ -86,7 +87,7 @@ class _Folder(type(Path())):  # type: ignore[misc]
 
     def __truediv__(self, key: Any) -> Path:
         place, folder = Path(self) / key, Path(self)
-        if not place.resolve().is_relative_to(folder.resolve()):
+        if leads_out(place, folder):
             raise FileFormatError(f"{folder} holds {shown(str(key))}, a link to another place: copy the file itself")
         return place
 
