@@ -277,15 +277,16 @@ def files_in(folder: Path) -> list[Path]:
     return files
 
 
-def refuse_links(folder: Path) -> None:
-    """Refuse a folder for results in which a link leads out of it: files of others would be written.
+def refuse_links(folder: Path, names: str = "**/*") -> None:
+    """Refuse a folder for results in which a link leads out of it, where `names` may be written: files elsewhere would
+    be.
 
     Raises
     ------
     OutputError
         If one does.
     """
-    for path in folder.rglob("*"):
+    for path in folder.glob(names):
         if path.is_symlink() and leads_out(path, folder):
             raise OutputError(
                 f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written: "

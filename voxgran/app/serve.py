@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from voxgran._base.files import made_folder, refuse_links
 from voxgran._base.lazy import load, load_extra
 from voxgran.app.desk import Desk
 from voxgran.app.page import Page
@@ -54,10 +55,12 @@ def serve(
     ------
     MissingLibraryError
         If a library of the extra is not installed.
+    OutputError
+        If the folder cannot be made, or a link in it leads to another place.
     """
     for name in LIBRARIES:
         load_extra(name, "app", "the app needs it")
-    folder.mkdir(parents=True, exist_ok=True)
+    refuse_links(made_folder(folder))
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
     desk, door = Desk(mapping, folder, base), folder.resolve() / f".voxgran-app-{secrets.token_hex(4)}.html"
