@@ -185,7 +185,7 @@ def _await_reader(process: "subprocess.Popen[bytes]", path: Path, request: str =
 def _timed(process: "subprocess.Popen[bytes]", path: Path, request: str, what: str, memory: int) -> Content:
     """Return what a process answers in time, or raise what it could not do."""
     seconds = json.loads(request)["seconds"]
-    clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
+    clock = threading.Timer(min(PATIENCE * seconds, threading.TIMEOUT_MAX), process.send_signal, [signal.SIGXCPU])
     clock.daemon = True
     clock.start()
     try:

@@ -133,9 +133,12 @@ def guard_of(page: Page, token: str) -> Any:
             return web.Response(status=403, text=f"the app is at {HOST} only")
         if looks and not web.WebSocketResponse().can_prepare(request):
             return web.Response(status=400, text=f"{SOCKET} is for the page: open the address that voxgran prints")
-        given = request.query.get("secret")
+        given, kept = request.query.get("secret"), is_secret(request.cookies.get(cookie), token)
+        if looks and not kept:
+            # the library prints what it is sent, also by pages of others and before it has asked for the token
+            return web.Response(status=403, text="the page has no cookie: open the address that voxgran prints")
         if request.path in ("/", "/index.html"):
-            if given is None and is_secret(request.cookies.get(cookie), token):
+            if given is None and kept:
                 return web.Response(status=302, headers={"Location": f"/?secret={token}"})
             if not is_secret(given, token):
                 return web.Response(

@@ -62,6 +62,11 @@ class Parts:
         """Number of axes."""
         return len(self.shape)
 
+    @property
+    def _rows(self) -> tuple[int, ...]:
+        """Numbers along each axis that are read together where there are no chunks; one at least where there are none."""
+        return (*(max(n, 1) for n in self.shape[:2]), *(1,) * (self.ndim - 2))
+
     def __getitem__(self, key: Any) -> NDArray[Any]:
         low, high, inner = [], [], []
         for one, n in zip(key, self.shape, strict=True):
@@ -71,7 +76,7 @@ class Parts:
             inner.append(0 if not at.ndim else slice(None, None, one.step) if isinstance(one, slice) else at - low[-1])
         unpacked = [
             (math.ceil(end / part) - begin // part) * part
-            for begin, end, part in zip(low, high, self.chunks or self.shape[:2] + (1,) * (self.ndim - 2), strict=True)
+            for begin, end, part in zip(low, high, self.chunks or self._rows, strict=True)
         ]
         size = math.prod(unpacked) * np.dtype(self.dtype).itemsize
         more = {"name": self.name} if self.pages is None else {"pages": self.pages[low[2] : high[2]]}
