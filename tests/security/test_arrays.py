@@ -359,6 +359,17 @@ def test_an_array_takes_half_of_the_memory_since_it_is_passed_on(tmp_path, monke
         vg.load_image(path)
 
 
+def test_arrays_without_voxels_and_with_too_many_are_refused(tmp_path, capfd):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("none", (0, 3, 3), dtype="u1")
+        file.create_dataset("many", (10**6, 10**6, 10**6), chunks=(100, 100, 100), dtype="u1")
+    refused(tmp_path / "a.h5", key="none", match=r"shape \(0, 3, 3\)")
+    assert vg.load_image(tmp_path / "a.h5", key="none").values.shape == (0, 3, 3)
+    with pytest.raises(TooLargeError, match="does not fit in memory"):
+        vg.load_image(tmp_path / "a.h5", key="many")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("told", [{"voxel_size": ["x", 1, 1]}, {"voxel_size": [-1, 1, 1]}, {"origin": 5}, {"ome": 5}])
 def test_attributes_are_checked(told, tmp_path):
     array = zarr.create_array(tmp_path / "a.zarr", shape=(4, 4, 4), dtype="u1")

@@ -64,7 +64,7 @@ class Parts:
 
     @property
     def _rows(self) -> tuple[int, ...]:
-        """Numbers along each axis that are read together where there are no chunks; one at least where there are none."""
+        """Numbers along each axis that are read together where there are no chunks, at least one."""
         return (*(max(n, 1) for n in self.shape[:2]), *(1,) * (self.ndim - 2))
 
     def __getitem__(self, key: Any) -> NDArray[Any]:
