@@ -311,6 +311,14 @@ def test_requests_that_no_browser_sends_are_refused(page):
             answer = await client.get("/index.html?secret=right")
             (cookie,) = answer.cookies.values()
             assert (cookie["samesite"], cookie["httponly"], cookie["path"]) == ("Strict", True, "/")
+            # a socket is opened by the page only, whose cookie no page of others sends
+            asked = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+            asked["Sec-WebSocket-Key"] = "MDEyMzQ1Njc4OWFiY2RlZg=="
+            assert await status("/ws", **asked) == 200
+            client.session.cookie_jar.clear()
+            assert await status("/ws", **asked) == 403
+            assert await status("/ws?secret=right", **asked) == 403
+            assert await status("/ws", **asked, Cookie=f"{cookie.key}=wrong") == 403
 
     asyncio.run(act())
 

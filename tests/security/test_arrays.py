@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import FileFormatError, InputError, VoxgranError
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, VoxgranError
 
 h5py = pytest.importorskip("h5py")
 tifffile = pytest.importorskip("tifffile")
@@ -242,6 +242,7 @@ def test_a_file_that_names_none_at_first_reads_no_other_later(secret):
         np.asarray(image)
 
 
+@pytest.mark.usefixtures("forked_readers")
 @pytest.mark.parametrize("kind", ["external", "virtual", "link"])
 def test_netcdf_reads_no_other_file(kind, secret):
     path, other = secret.parent / "in" / "a.nc", secret.parent / "other.h5"
@@ -256,11 +257,21 @@ def test_netcdf_reads_no_other_file(kind, secret):
             file.create_virtual_dataset("x", layout)
         else:
             file["x"] = h5py.ExternalLink(str(other), "/y")
-    try:
-        held = [np.asarray(value).tobytes() for node in vg.load_statistics(path).subtree for value in node.values()]
-    except FileFormatError:
-        held = []
-    assert SECRET not in held
+    words = "has the values of 'x' in other files: write them into it" if kind == "virtual" else "cannot be read"
+    refused(path, read=vg.load_statistics, match=words)
+
+
+@pytest.mark.usefixtures("forked_readers")
+def test_a_learned_distribution_reads_no_other_file(tmp_path):
+    path = tmp_path / "a.nc"
+    vg.learn_shapes(vg.make_shapes("convex_polyhedron", count=12)).save(path)
+    with h5py.File(path, "a") as file:
+        held = file["vertices"][...]
+        del file["vertices"]
+        layout = h5py.VirtualLayout(shape=held.shape, dtype=held.dtype)
+        layout[...] = h5py.VirtualSource("other.h5", "y", shape=held.shape)
+        file.create_virtual_dataset("vertices", layout)
+    refused(path, read=vg.ShapeModel.load, match="has the values of 'vertices' in other files")
 
 
 @pytest.mark.parametrize("name", ["a.zarr", "a.mhd", "a.nhdr"])
@@ -284,6 +295,79 @@ def test_links_in_a_folder_lead_to_no_other_place(name, secret):
     place.unlink()
     os.link(secret, place)
     assert np.asarray(vg.open_image(path)).size == 64
+
+
+OME = """<?xml version="1.0"?><OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06" UUID="urn:uuid:1">
+<Image ID="Image:0"><Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint8" SizeX="4" SizeY="4" SizeZ="2" SizeC="1"
+SizeT="1"><TiffData IFD="0" FirstZ="0" PlaneCount="1"><UUID FileName="a.tif">urn:uuid:1</UUID></TiffData>
+<TiffData IFD="0" FirstZ="1" PlaneCount="1"><UUID FileName="{}">urn:uuid:2</UUID></TiffData></Pixels></Image></OME>"""
+
+
+@pytest.mark.usefixtures("forked_readers")
+@pytest.mark.parametrize("packed", [None, "zlib"])
+@pytest.mark.parametrize("name", ["../secret", "/secret", "beside.tif"])
+def test_a_tiff_file_reads_no_other_file(name, packed, secret):
+    path = secret.parent / "in" / "a.tif"
+    for place in (secret, path.with_name("beside.tif")):
+        tifffile.imwrite(place, np.full((4, 4), 7, dtype=np.uint8), compression=packed)
+    told = OME.format(f"{secret.parent}{name}" if name.startswith("/") else name)
+    how = {"metadata": None, "compression": packed}
+    tifffile.imwrite(path, np.zeros((4, 4), dtype=np.uint8), description=told.encode(), **how)
+    refused(path, read=vg.load_image, match="has slices in other files, which may lie anywhere")
+    assert not np.asarray(vg.open_image(path)).any()
+    # all slices in one file
+    told = told.replace('FileName="beside.tif">urn:uuid:2', 'FileName="a.tif">urn:uuid:1').replace(
+        'IFD="0" FirstZ="1"', 'IFD="1" FirstZ="1"'
+    )
+    if name == "beside.tif":
+        tifffile.imwrite(path, np.full((2, 4, 4), 3, dtype=np.uint8), description=told.encode(), **how)
+        assert vg.load_image(path).values.tolist() == np.full((4, 4, 2), 3).tolist()
+
+
+META = "ObjectType = Image\n{}NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = {}\n"
+
+
+@pytest.mark.usefixtures("forked_readers")
+@pytest.mark.parametrize(
+    ("comment", "name"),
+    [
+        ("Comment = ElementDataFile = LOCAL\n", "../secret"),
+        ("Name = ElementDataFile=LOCAL\n", "../secret"),
+        ("", "LIST\n../secret\n../secret\n../secret\n../secret"),
+        ("", "LIST 3D\n../secret"),
+        ("", "s%d 1 4 1"),
+    ],
+)
+def test_a_metaimage_names_one_file_in_one_line(comment, name, secret):
+    path = secret.parent / "in" / "a.mhd"
+    path.write_text(META.format(comment, name))
+    for beside in ("LOCAL", "LIST", "LIST 3D", "s%d 1 4 1"):
+        (path.parent / beside).write_bytes(bytes(64))
+    for k in range(1, 5):
+        (path.parent / f"s{k}").symlink_to(secret)
+    for read in (vg.load_image, vg.open_image):
+        refused(path, read=read, match="does not say in one line where its values are")
+    path.write_text(META.format("Comment = data of all\n", "LOCAL") + "7" * 64)
+    assert (vg.load_image(path).values == ord("7")).all()
+    assert (np.asarray(vg.open_image(path)) == ord("7")).all()
+
+
+def test_an_array_takes_half_of_the_memory_since_it_is_passed_on(tmp_path, monkeypatch):
+    path = write_v2(tmp_path / "a.zarr", b"", shape=[400, 1000, 1000], chunks=[400, 1000, 1000], fill_value=1)
+    monkeypatch.setattr("voxgran._base.guarded.memory_limit", lambda: 600 * 2**20)
+    with pytest.raises(TooLargeError, match="does not fit in memory"):
+        vg.load_image(path)
+
+
+def test_arrays_without_voxels_and_with_too_many_are_refused(tmp_path, capfd):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("none", (0, 3, 3), dtype="u1")
+        file.create_dataset("many", (10**6, 10**6, 10**6), chunks=(100, 100, 100), dtype="u1")
+    refused(tmp_path / "a.h5", key="none", match=r"shape \(0, 3, 3\)")
+    assert vg.load_image(tmp_path / "a.h5", key="none").values.shape == (0, 3, 3)
+    with pytest.raises(TooLargeError, match="does not fit in memory"):
+        vg.load_image(tmp_path / "a.h5", key="many")
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("told", [{"voxel_size": ["x", 1, 1]}, {"voxel_size": [-1, 1, 1]}, {"origin": 5}, {"ome": 5}])

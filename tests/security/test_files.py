@@ -1,26 +1,33 @@
 """The promises of SECURITY.md about files of strangers that no other test holds."""
 
+import argparse
 import ast
+import contextlib
 import dataclasses
 import hashlib
 import html
 import io
 import json
+import os
 import pickle
 import re
+import signal
 import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kit import slow
+from kit import Forked, slow
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
-from voxgran._base.errors import CheckpointError, FileFormatError, TooLargeError, VoxgranError
+from voxgran._base.errors import CheckpointError, FileFormatError, InputError, TooLargeError, VoxgranError
+from voxgran.cli import main
+from voxgran.cli.terminal import show, table
 from voxgran.io.series import listed_times
 from voxgran.shapes.images import image_files
+from voxgran.study.runs import Record, from_text, to_text
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures", "forked_readers")
 
@@ -121,6 +128,92 @@ def test_checkpoints_that_grow_are_refused(tmp_path):
         load_checkpoint(tmp_path / "c")
 
 
+def test_a_seal_is_no_proof_of_who_has_written_a_file(tmp_path):
+    texts = '<Array type="String" Name="method" NumberOfTuples="1" format="ascii">{}</Array>'.format("0 " * 10**6)
+    body = f'<VTKFile type="PolyData"><PolyData><FieldData>{texts}</FieldData></PolyData></VTKFile>\n'.encode()
+    path = tmp_path / "a.vtp"
+    path.write_bytes(body + b"<!-- voxgran seal %s -->\n" % hashlib.sha256(body).hexdigest().encode())
+
+    def read():
+        with pytest.raises(FileFormatError, match=r"cannot be read|no packing of voxgran"):
+            vg.load(path)
+        os._exit(0)
+
+    assert Forked(read).wait() == 0
+    bed = pair()
+    with pytest.raises(InputError, match=r"method is 'a\\x00b': files of VTK hold no NUL; leave it out"):
+        vg.save(dataclasses.replace(bed, provenance={"method": "a\0b"}), tmp_path / "b.vtp")
+    vg.save(bed, tmp_path / "b.vtp")
+    assert vg.load(tmp_path / "b.vtp") == bed
+
+
+@contextlib.contextmanager
+def limited(seconds):
+    """Raise an error after so many seconds of computing (context manager): what has no end takes more."""
+
+    def late(*_):
+        raise AssertionError("a small file is read without end")
+
+    before = signal.signal(signal.SIGVTALRM, late)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+@pytest.mark.parametrize("head", [b"# " * 40, b"#" * 60, b"a" * 200_000, b" # a\n" * 10_000])
+def test_the_beginning_of_a_file_is_looked_at_once(head, tmp_path):
+    (tmp_path / "a.off").write_bytes(head + b"\n1\n")
+    with limited(10), pytest.raises(FileFormatError, match="does not begin with OFF"):
+        vg.load_shape(tmp_path / "a.off")
+
+
+def test_a_table_of_empty_entries_is_refused(tmp_path):
+    names = ",".join(["size", "passing", *(f"c{k}" for k in range(1500))])
+    (tmp_path / "a.csv").write_text(names + "\n" + "1,50\n" * 2000)
+    with pytest.raises(FileFormatError, match="2000 rows and 1502 columns, and fewer entries than that"):
+        vg.sizes.sieve(str(tmp_path / "a.csv"))
+
+
+CONTROL = "\x1bc\x07\x9bm"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.csv", f"x y z {CONTROL}\n1 2 3 4\n"),
+        ("a.xyz", f"1\nProperties={CONTROL}:R:3\n1 2 3 4\n"),
+        (f"{CONTROL}.csv", ""),
+    ],
+)
+def test_names_are_no_commands_of_a_terminal(name, text, tmp_path, capsys):
+    (tmp_path / name).write_text(text)
+    assert main(["verify", str(tmp_path / name)]) == 2
+    told = capsys.readouterr().err
+    assert "\\x1bc\\x07\\x9bm" in told
+    assert told.removesuffix("\n").isprintable()
+
+
+def test_numbers_of_a_terminal_are_text(capsys):
+    show({"a": CONTROL, "b": {"c": [CONTROL]}}, argparse.Namespace(json=False))
+    table([{"a": CONTROL, "b": 1.0}])
+    assert all(line.isprintable() for line in capsys.readouterr().out.splitlines())
+
+
+def test_programs_of_python_do_not_look_into_the_present_folder():
+    for path in PACKAGE.rglob("*.py"):
+        assert not re.search(r'executable, "-(?!P")', path.read_text()), path.name
+
+
+def test_names_of_numbers_of_a_run_are_no_paths():
+    kept = Record(numbers={"a": [1.0, "1", "a"]})
+    assert from_text(to_text(kept, {})) == kept
+    with pytest.raises(ValueError, match="'a/b' is no name of a number"):
+        from_text(to_text(Record(numbers={"a/b": [1.0, "1", "a"]}), {}))
+
+
 def external(kind, body):
     """Return XML whose entity is another file."""
     head = '<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a SYSTEM "secret.txt">]>'
@@ -218,7 +311,7 @@ def test_entities_of_xml_that_grow_are_refused(tmp_path):
 
 #: a name that would be markup, a command of a shell, of Python and of C++, a formula and a template, on several lines
 EVIL = """<script>alert(1)</script><img src=x onerror=alert(1)>"; rm -rf x; '\n; import os; os.system("rm -rf x") #
-\r\x0b\x85\u2028*/ system("rm -rf x"); // $\\frac{ {{ 7*7 }} \\"""
+\"\"\"\r\x0b\x85\u2028*/ system("rm -rf x"); // $\\frac{ {{ 7*7 }} \\"""
 #: short enough for legends, and without characters that no font has
 MARKUP = '<script>alert(1)</script>"; rm -rf x {{ 7*7 }} $'
 #: beginnings of lines that engines skip
@@ -282,3 +375,5 @@ def test_names_are_no_commands_of_engines(engine, kind, tmp_path):
         for line in text.splitlines():
             assert "rm -rf" not in line or line.startswith(COMMENTS), f"{path.name}: {line}"
             assert not (line.startswith("//") and line.endswith("\\")), f"{path.name}: {line}"
+        # LAMMPS takes all up to the next three for one line
+        assert '"""' not in text or path.suffix not in (".in", ".data"), path.name

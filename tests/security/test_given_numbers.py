@@ -33,6 +33,19 @@ def test_a_friction_is_kept_where_a_solid_fraction_is_sought():
     assert "at a solid fraction of 0.5, with friction 0.2, by shaking" in line
 
 
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_layers_keep_a_friction_where_a_solid_fraction_is_sought():
+    cell, layer = vg.Box((2, 2, 8), periodic="xy"), {"shapes": BALL, "count": 4}
+    bed = vg.pack_layers([layer, {**layer, "solid_fraction": 0.5}], cell, friction=0.2, fall_time=2.0)
+    assert friction_tried(bed) == {0.2} == {bed.forces.friction}
+
+
+def test_a_solid_fraction_is_refused_of_grains_that_are_poured():
+    with pytest.raises(InputError, match="solid_fraction is given: grains are poured by a count alone; leave it out"):
+        vg.pour(BALL, CELL, 30, friction=0.2, solid_fraction=0.5)
+    assert vg.pour(BALL, CELL, 3, batch=3, friction=0.2, fall_time=1.0).forces.friction == 0.2
+
+
 def test_without_a_friction_the_usual_one_holds_or_it_is_found():
     loose = vg.pack(BALL, CELL, "rsa", count=30, seed=2)
     assert vg.settle(loose, gravity="-z", fall_time=3.0).forces.friction == 0.5

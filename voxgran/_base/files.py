@@ -258,6 +258,42 @@ def _refuse_dangling(target: Path) -> None:
             raise OutputError(f"{path} is a link to {end}, which is not there: make its folder, or name another place")
 
 
+def leads_out(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> bool:
+    """Return whether a path in a folder leads to another place, by a link."""
+    return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return the files of a folder, none of which is a link to another place.
+
+    Raises
+    ------
+    FileFormatError
+        If one is: a folder that comes from others would read what its files name.
+    """
+    files = [item for item in folder.iterdir() if item.is_file()]
+    if strange := next((item for item in files if leads_out(item, folder)), None):
+        raise FileFormatError(f"{folder} holds {shown(strange.name)}, a link to another place: copy the file itself")
+    return files
+
+
+def refuse_links(folder: Path, names: str = "**/*") -> None:
+    """Refuse a folder for results in which a link leads out of it, where `names` may be written: files elsewhere would
+    be.
+
+    Raises
+    ------
+    OutputError
+        If one does.
+    """
+    for path in folder.glob(names):
+        if path.is_symlink() and leads_out(path, folder):
+            raise OutputError(
+                f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written: "
+                "remove it, or name another folder"
+            )
+
+
 def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
     """Write several files of text or bytes, all or none of them; `overwrite` is that of :func:`written_whole`."""
     with contextlib.ExitStack() as stack:
@@ -367,7 +403,11 @@ def _replace(draft: Path, place: Path, is_own: Callable[[Path], bool]) -> None:
         _refuse_other_files(place, is_own)
         old = place.with_name(_draft_name(place, secrets.token_hex(4)))
         os.replace(place, old)
-        os.replace(draft, place)
+        try:
+            os.replace(draft, place)
+        except OSError:
+            os.replace(old, place)
+            raise
         shutil.rmtree(old, ignore_errors=True)
     else:
         os.replace(draft, place)
@@ -388,12 +428,14 @@ def _send(whole: Path, target: Path) -> None:
 
 def _remove(draft: Path) -> None:
     """Remove what is left of a draft."""
+    # voxgran makes no draft that is a link: what a link leads to is of others
+    is_folder = draft.is_dir() and not draft.is_symlink()
     with contextlib.suppress(OSError):
         # a library that failed may keep a file open, which would hold its space until the process ends
-        for file in (draft, *draft.rglob("*")):
+        for file in (draft, *(draft.rglob("*") if is_folder else ())):
             if file.is_file() and not file.is_symlink():
                 os.truncate(file, 0)
-    if draft.is_dir():
+    if is_folder:
         shutil.rmtree(draft, ignore_errors=True)
     else:
         with contextlib.suppress(OSError):

@@ -9,6 +9,7 @@ processes that are kept, since each part takes less time than a start.
 
 import atexit
 import contextlib
+import ctypes
 import importlib
 import importlib.util
 import json
@@ -31,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base import errors
-from voxgran._base.errors import FileFormatError, MissingLibraryError, TooLargeError, VoxgranError
+from voxgran._base.errors import FileFormatError, MissingLibraryError, TooLargeError, VoxgranError, shown
+from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
 from voxgran._base.stopping import undone_at_end
 
@@ -53,6 +55,9 @@ NEEDS = (
     (r"codec not available: '+(\w+)", ""),
     (r"can't open directory \(.*plugin\)|required filter", "hdf5plugin"),
 )
+
+#: how netCDF says that values lie in the file: in chunks, one after another, or in the header
+STORED = (0, 1, 2)
 
 _START = (
     "import sys; request = sys.argv[1]; sys.path[:] = sys.argv[2:]; "
@@ -130,7 +135,8 @@ def _request(reader: Callable[..., Content], path: Path, options: dict[str, Any]
             "path": str(path),
             "options": options,
             "seconds": SECONDS + SECONDS_PER_BYTE * size,
-            "memory": min(memory, memory_limit()),
+            # what it answers takes as much again here
+            "memory": min(memory, memory_limit() // 2),
         }
     )
 
@@ -179,13 +185,13 @@ def _await_reader(process: "subprocess.Popen[bytes]", path: Path, request: str =
 def _timed(process: "subprocess.Popen[bytes]", path: Path, request: str, what: str, memory: int) -> Content:
     """Return what a process answers in time, or raise what it could not do."""
     seconds = json.loads(request)["seconds"]
-    clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
+    clock = threading.Timer(min(PATIENCE * seconds, threading.TIMEOUT_MAX), process.send_signal, [signal.SIGXCPU])
     clock.daemon = True
     clock.start()
     try:
         return _answer(process, path, seconds)
     except TooLargeError as error:
-        if memory > memory_limit():
+        if memory > memory_limit() // 2:
             raise
         raise FileFormatError(
             f"{what} asks for more than {memory / 2**30:.3g} GiB of memory: it is damaged; write it again"
@@ -286,6 +292,31 @@ def one_file() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@contextlib.contextmanager
+def netcdf_file(path: Path) -> Iterator[Any]:
+    """Open a netCDF4 file, and no other, with variables in groups (context manager).
+
+    Raises
+    ------
+    FileFormatError
+        If a variable is virtual: HDF5 fills in what it does not find in other files.
+    """
+    library = load("netCDF4")
+    native = ctypes.CDLL(library._netCDF4.__file__)
+    with one_file(), library.Dataset(path) as file:
+        groups = [file]
+        for group in groups:
+            groups.extend(group.groups.values())
+            for variable in group.variables.values():
+                storage = ctypes.c_int()
+                native.nc_inq_var_chunking(variable._grpid, variable._varid, ctypes.byref(storage), None)
+                if storage.value not in STORED:
+                    raise FileFormatError(
+                        f"{path} has the values of {shown(variable.name)} in other files: write them into it"
+                    )
+        yield file
 
 
 def _of_numbers(array: NDArray[Any], path: Path) -> NDArray[Any]:

@@ -105,7 +105,8 @@ def _locked(path: Path, target: Path) -> Iterator[None]:
 def _taken(path: Path, target: Path) -> int:
     """Return the open lock file, with this process written into it."""
     while True:
-        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        # a lock that is a link would be written into another file
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
             _take(file, path, target)
             if _is_same(file, path):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import OutputError
+from voxgran._base.errors import InputError, OutputError, shown
 from voxgran._base.lazy import load
 
 
@@ -45,8 +45,16 @@ def attach(place: Any, arrays: Mapping[str, NDArray[Any]], *, deep: bool = True)
 
 
 def attach_texts(place: Any, texts: Mapping[str, str]) -> None:
-    """Add texts to the field data."""
+    """Add texts to the field data.
+
+    Raises
+    ------
+    InputError
+        If one holds NUL, at which texts of files end: VTK could not read it again.
+    """
     for name, text in texts.items():
+        if "\0" in text:
+            raise InputError(f"{name} is {shown(text)}: files of VTK hold no NUL; leave it out")
         array = load("vtkmodules.vtkCommonCore").vtkStringArray()
         array.SetName(name)
         array.InsertNextValue(text)

@@ -4,6 +4,7 @@ What VTK complains about is heard by an observer and raised; nothing is printed.
 """
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -101,11 +102,31 @@ def meta_image(path: Path) -> Content:
     FileFormatError
         If VTK cannot read it, or its values lie in several files or in another folder.
     """
-    head = path.read_bytes()[:HEADER].partition(b"ElementDataFile")[2].partition(b"\n")[0].decode("latin-1")
-    name = head.strip(" =\r\t")
+    _, name, _ = meta_values(path)
     if name != "LOCAL":
         refuse_elsewhere(path, name)
     return _image_by("vtkMetaImageReader", path, "SetFileName")
+
+
+def meta_values(path: Path) -> tuple[str, str, int]:
+    """Return the header of a MetaImage, the name of the file of its values, and where the header ends, in bytes.
+
+    Raises
+    ------
+    FileFormatError
+        If it names such a file elsewhere than in one line of its own, or several.
+    """
+    with path.open("rb") as file:
+        text = file.read(HEADER)
+    found = re.search(rb"^[ \t]*ElementDataFile[ \t]*=([^\r\n]*)\r?\n?", text, re.MULTILINE)
+    name = b"" if found is None else found[1].strip()
+    # a name may stand for several, in a list or by the numbers of slices
+    if found is None or text.count(b"ElementDataFile") > 1 or name.startswith(b"LIST") or b"%" in name:
+        raise FileFormatError(
+            f"{path} does not say in one line where its values are: they must lie in it or in one file beside it; "
+            "write it again"
+        )
+    return text[: found.start()].decode("latin-1"), name.decode("latin-1"), found.end()
 
 
 def refuse_elsewhere(path: Path, name: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from voxgran._base.files import made_folder, refuse_links
 from voxgran._base.lazy import load, load_extra
 from voxgran.app.desk import Desk
 from voxgran.app.page import Page
@@ -54,10 +55,12 @@ def serve(
     ------
     MissingLibraryError
         If a library of the extra is not installed.
+    OutputError
+        If the folder cannot be made, or a link in it leads to another place.
     """
     for name in LIBRARIES:
         load_extra(name, "app", "the app needs it")
-    folder.mkdir(parents=True, exist_ok=True)
+    refuse_links(made_folder(folder))
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
     desk, door = Desk(mapping, folder, base), folder.resolve() / f".voxgran-app-{secrets.token_hex(4)}.html"
@@ -130,9 +133,12 @@ def guard_of(page: Page, token: str) -> Any:
             return web.Response(status=403, text=f"the app is at {HOST} only")
         if looks and not web.WebSocketResponse().can_prepare(request):
             return web.Response(status=400, text=f"{SOCKET} is for the page: open the address that voxgran prints")
-        given = request.query.get("secret")
+        given, kept = request.query.get("secret"), is_secret(request.cookies.get(cookie), token)
+        if looks and not kept:
+            # the library prints what it is sent, also by pages of others and before it has asked for the token
+            return web.Response(status=403, text="the page has no cookie: open the address that voxgran prints")
         if request.path in ("/", "/index.html"):
-            if given is None and is_secret(request.cookies.get(cookie), token):
+            if given is None and kept:
                 return web.Response(status=302, headers={"Location": f"/?secret={token}"})
             if not is_secret(given, token):
                 return web.Response(

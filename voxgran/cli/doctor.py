@@ -185,7 +185,7 @@ def _picture() -> Finding:
     """Draw a small picture off screen."""
     remedy = "install Mesa's drivers: sudo apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
     pipe = subprocess.PIPE
-    with subprocess.Popen([sys.executable, "-c", PICTURE], stdout=pipe, stderr=pipe, text=True) as drawn:
+    with subprocess.Popen([sys.executable, "-P", "-c", PICTURE], stdout=pipe, stderr=pipe, text=True) as drawn:
         try:
             with undone_at_end(drawn.kill):
                 words = drawn.communicate(timeout=PATIENCE)[0].split()

@@ -15,6 +15,8 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, ProgressLines, Step, silent
 from voxgran._base.scalars import finite
 
+#: blanks and ends of lines that voxgran writes
+SPACES = "\n\u00a0\u202f"
 #: steps of a stage from which on their pace tells how long it takes
 MANY = 20
 
@@ -145,7 +147,7 @@ def _plain(value: Any, units: Mapping[str, str]) -> str:
         return ("; " if rows else ", ").join(_plain(item, units) for item in value) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else printable(str(value))
 
 
 def entry_line(name: str, text: str) -> None:
@@ -168,7 +170,7 @@ def entry_line(name: str, text: str) -> None:
 def table(rows: Sequence[Mapping[str, Any]], *, head: bool = True, least: int = 0) -> None:
     """Print rows as a table, with their heads or as further rows of one; columns are at least so wide."""
     heads = list(rows[0])
-    cells = [[f"{row[h]:.4g}" if isinstance(row[h], float) else str(row[h]) for h in heads] for row in rows]
+    cells = [[f"{row[h]:.4g}" if isinstance(row[h], float) else printable(str(row[h])) for h in heads] for row in rows]
     wide = [max(least, *map(len, column)) for column in zip(heads, *cells, strict=True)]
     for line in (heads, *cells)[not head :]:
         print("  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)), flush=True)
@@ -179,10 +181,18 @@ def warn(message: Warning | str, *_: Any) -> None:
     complain(f"warning: {message}")
 
 
+def printable(text: str) -> str:
+    """Return a text with what is no character of a text written as in Python: names in files, and of files, may hold
+    bytes that are no text, or commands of a terminal.
+    """
+    return "".join(
+        one if one.isprintable() or one in SPACES else one.encode("unicode_escape").decode("ascii") for one in text
+    )
+
+
 def complain(sentence: str) -> None:
     """Write one line to the error stream."""
-    # a name of a file may hold bytes that are no text
-    text = " ".join(sentence.split()).encode(errors="backslashreplace").decode()
+    text = printable(" ".join(sentence.split()))
     # where the error stream takes nothing there is nobody to tell
     with contextlib.suppress(OSError):
         print(f"voxgran: {text}", file=sys.stderr)

@@ -16,7 +16,7 @@ from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
+from voxgran._base.files import as_path, output_suffix, refuse_links, refuse_to_replace, write_files
 from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
@@ -187,6 +187,7 @@ def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *,
         # what a run writes is named after its engine, too
         refuse_to_replace(*(as_path(folder) / name for name in texts), *as_path(folder).glob(f"{engine}*"))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
+    refuse_links(place, f"{engine}*")
     try:
         write_files({place / name: text for name, text in texts.items()})
     except OutputError:

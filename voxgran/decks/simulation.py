@@ -254,8 +254,9 @@ class Simulation:
         if self.overlap > 0:
             lines.append(f"spheres overlap each other or walls by up to {self.overlap:.3g} m at the start")
         lines += [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
-        # names come from files of others: none may begin a line that an engine would run
-        return [" ".join(line.split()) for line in lines]
+        # names come from files of others: none may begin a line that an engine would run, nor three quotation marks,
+        # up to the next of which LAMMPS takes all for one line
+        return [" ".join(line.split()).replace('"', "'") for line in lines]
 
     def comments(self, engine: str, *notes: str, mark: str = "#") -> list[str]:
         """Return the lines that begin each file, and notes, as comments."""

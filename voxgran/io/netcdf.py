@@ -20,7 +20,7 @@ from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
 from voxgran._base.files import PROBE, as_path, existing_file, output_suffix, write_files, written_whole
-from voxgran._base.guarded import Content, one_file, read_guarded, refused
+from voxgran._base.guarded import Content, netcdf_file, read_guarded, refused
 from voxgran._base.lazy import DataArray, Dataset, DataTree, load
 from voxgran.measures.accessor import register_accessor
 
@@ -152,8 +152,8 @@ def netcdf_values(path: Path) -> Content:
     The facts are ``attributes`` and ``variables`` of each group by its path; the latter with ``dims``, ``attributes``
     and ``texts``, which are None for numbers. These are the arrays, by path and name.
     """
-    facts, arrays, library = dict[str, Any](), dict[str, NDArray[Any]](), load("netCDF4")
-    with one_file(), library.Dataset(path) as file:
+    facts, arrays = dict[str, Any](), dict[str, NDArray[Any]]()
+    with netcdf_file(path) as file:
         file.set_auto_maskandscale(False)
         file.set_auto_chartostring(False)
         groups = [file]

@@ -1,7 +1,7 @@
 """VTK files: packings (.vtp) that reload bit for bit, and scenes (.vtm) for ParaView.
 
-A packing file ends with a seal, an XML comment that holds the SHA-256 of all bytes before it. A file with a right seal
-is read here; any other in a process of its own, because the readers of VTK print, or worse, on damaged input.
+A packing file ends with a seal, an XML comment that holds the SHA-256 of all bytes before it. All are read in processes
+of their own, because the readers of VTK print, or worse, on damaged input: that of files with a right seal is kept.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, written_whole
-from voxgran._base.guarded import read_guarded, reason_of
+from voxgran._base.guarded import MEMORY_PER_BYTE, MEMORY_PER_PART, read_guarded, read_part, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
 from voxgran.contacts.forces import chain_ends
@@ -80,7 +80,12 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
     sealed = not _is_rewritten(found)
     if sealed:
         _check_seal(found)
-    facts, arrays = vtk_points(found) if sealed else read_guarded(vtk_points, found)
+    if sealed:
+        # of one that is not damaged a process can be kept; a seal says nothing of who has made it
+        size = found.stat().st_size * MEMORY_PER_BYTE // MEMORY_PER_PART
+        facts, arrays = read_part(vtk_points, found, size=size)
+    else:
+        facts, arrays = read_guarded(vtk_points, found)
     per_grain = {key.removeprefix("point/"): array for key, array in arrays.items() if key.startswith("point/")}
     whole = {key.removeprefix("field/"): array for key, array in arrays.items() if key.startswith("field/")}
     try:

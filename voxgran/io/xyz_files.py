@@ -15,6 +15,7 @@ import numpy as np
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
+from voxgran._base.files import leads_out
 from voxgran._base.scalars import cube_root
 from voxgran.io.particles import (
     Particles,
@@ -183,6 +184,8 @@ def _facts(path: Path) -> dict[str, list[float]]:
     """Return the numbers that a file of PackingGeneration gives by names, in lower case; none without a file."""
     if not path.is_file():
         return {}
+    if leads_out(path, path.parent):
+        raise FileFormatError(f"{path} is a link to another place: copy the file itself")
     found = {}
     for line in text_lines(path, "text as PackingGeneration writes it"):
         name, _, rest = line.lower().partition(":")

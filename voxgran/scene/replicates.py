@@ -111,7 +111,7 @@ def _seed_folders(target: Path) -> list[Path]:
         except (ValueError, RecursionError):
             raise FileFormatError(f"{summary} is no JSON: it is cut or damaged; run the scene again") from None
         seeds = record.get("seeds") if isinstance(record, dict) else None
-        return [target / f"seed_{seed}" for seed in seeds] if isinstance(seeds, list) else []
+        return [target / f"seed_{seed}" for seed in seeds if type(seed) is int] if isinstance(seeds, list) else []
     if (target / PACKING).is_file():
         return []
     numbered = [place for place in target.glob("seed_*") if place.name.removeprefix("seed_").isdecimal()]

@@ -12,7 +12,7 @@ from typing import Any
 
 from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning, warn
-from voxgran._base.files import as_path, remove_drafts_in, write_text
+from voxgran._base.files import as_path, refuse_links, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import DataTree, loaded
 from voxgran._base.lock import FOLDER_LOCK, is_left, locked_folder
@@ -204,7 +204,7 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
     InUseError
         If another process writes into it.
     OutputError
-        If it cannot be made or written to.
+        If it cannot be made or written to, or a link in it leads to another place.
     """
     target = as_path(folder)
     if target.exists() and not target.is_dir():
@@ -215,6 +215,7 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
             entry.name != FOLDER_LOCK and not is_left(entry) for entry in target.iterdir()
         ):
             raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
+        refuse_links(target)
         remove_drafts_in(target)
         yield target
 

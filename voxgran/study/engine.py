@@ -116,7 +116,7 @@ class Store:
             seal, _, rest = self.path(key).read_text(encoding="utf-8").partition("\n")
             text = rest.removesuffix(END)
             record = from_text(text) if seal == _seal(text) else None
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         if record is None or (self.packings and not record.failure and not self.packing(key).is_file()):
             return None

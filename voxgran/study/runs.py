@@ -225,9 +225,17 @@ def to_text(record: Record, of: Mapping[str, Any]) -> str:
 
 
 def from_text(text: str) -> Record:
-    """Return the record in a text of :func:`to_text`; a text that is none gives a ValueError, KeyError or TypeError."""
+    """Return the record in a text of :func:`to_text`; a text that is none may give a KeyError or TypeError, too.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON, or a number has a name that a dataset cannot hold.
+    """
     made = Record(**json.loads(text)["record"])
     made.numbers = {name: [float(json.loads(value)), *told] for name, (value, *told) in made.numbers.items()}
+    if strange := next((name for name in made.numbers if "/" in name), None):
+        raise ValueError(f"{strange!r} is no name of a number: xarray keeps it for paths")
     return made
 
 

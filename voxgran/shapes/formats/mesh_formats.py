@@ -126,7 +126,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
         If the file is truncated or not an OFF file.
     """
     # the counts may follow without a blank
-    head = re.match(rb"(?:\s|#.*)*(?i:[a-z]*\d?[a-z]*off)(?=[\s#\d]|$)", raw)
+    head = re.match(rb"(?>\s|#.*)*+(?i:[a-z]{0,4}\d?[a-z]{0,4}off)(?=[\s#\d]|$)", raw)
     if head is None:
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     try:

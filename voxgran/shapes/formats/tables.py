@@ -21,6 +21,8 @@ from voxgran.shapes.formats.columns import SEPARATORS, cells_in, table_text
 
 #: most columns that a message lists, and characters of a row
 MOST_TOLD, LONGEST_ROW = 8, 10_000
+#: entries that a table may lack: an entry has one character at least, and pandas fills in what is missing
+FEW_ENTRIES = 100_000
 
 
 def read_table(path: str) -> Any:
@@ -47,6 +49,11 @@ def read_table(path: str) -> Any:
             raise FileFormatError(
                 f"{path} {told or 'is empty'}: a table has the names of its columns in the first row, and entries "
                 "below; add them"
+            )
+        if len(rows) * len(names) > max(len(text), FEW_ENTRIES):
+            raise FileFormatError(
+                f"{path} has {len(rows)} rows and {len(names)} columns, and fewer entries than that: fill each row, or "
+                "remove columns"
             )
         # a single column may have blanks in its name, and decimal commas
         blanks = any(re.search(r"\s", row) for row in rows)

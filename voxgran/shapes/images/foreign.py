@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.errors import FileFormatError, shown
+from voxgran._base.files import leads_out
 from voxgran._base.guarded import Content, one_file, read_part
 from voxgran._base.vtk_readers import chosen_name
 from voxgran.lattice.image import block_library
@@ -61,6 +62,11 @@ class Parts:
         """Number of axes."""
         return len(self.shape)
 
+    @property
+    def _rows(self) -> tuple[int, ...]:
+        """Numbers along each axis that are read together where there are no chunks, at least one."""
+        return (*(max(n, 1) for n in self.shape[:2]), *(1,) * (self.ndim - 2))
+
     def __getitem__(self, key: Any) -> NDArray[Any]:
         low, high, inner = [], [], []
         for one, n in zip(key, self.shape, strict=True):
@@ -70,7 +76,7 @@ class Parts:
             inner.append(0 if not at.ndim else slice(None, None, one.step) if isinstance(one, slice) else at - low[-1])
         unpacked = [
             (math.ceil(end / part) - begin // part) * part
-            for begin, end, part in zip(low, high, self.chunks or self.shape[:2] + (1,) * (self.ndim - 2), strict=True)
+            for begin, end, part in zip(low, high, self.chunks or self._rows, strict=True)
         ]
         size = math.prod(unpacked) * np.dtype(self.dtype).itemsize
         more = {"name": self.name} if self.pages is None else {"pages": self.pages[low[2] : high[2]]}
@@ -86,7 +92,7 @@ class _Folder(type(Path())):  # type: ignore[misc]
 
     def __truediv__(self, key: Any) -> Path:
         place, folder = Path(self) / key, Path(self)
-        if not place.resolve().is_relative_to(folder.resolve()):
+        if leads_out(place, folder):
             raise FileFormatError(f"{folder} holds {shown(str(key))}, a link to another place: copy the file itself")
         return place
 

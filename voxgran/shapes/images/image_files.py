@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, TooLargeError, shown
-from voxgran._base.files import as_path, existing_file
+from voxgran._base.files import as_path, existing_file, files_in
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
@@ -271,7 +271,7 @@ def _read_meta(path: Path, key: str | None) -> Image:
 def _read_dicom(folder: Path, key: str | None) -> Image:
     """Read the slices of a folder of DICOM files."""
     del key
-    files = sorted(item for item in folder.iterdir() if item.is_file())
+    files = sorted(files_in(folder))
     if not files:
         raise FileFormatError(f"{folder} has no files: slices or a zarr array are needed; check the path")
     try:

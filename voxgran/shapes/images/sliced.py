@@ -16,7 +16,7 @@ from voxgran._base.errors import FileFormatError, InputError, MissingFileError, 
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, read_part
 from voxgran._base.units import known_unit, unit_factor
-from voxgran._base.vtk_readers import refuse_elsewhere
+from voxgran._base.vtk_readers import meta_values, refuse_elsewhere
 from voxgran.lattice.image import Image, as_edges
 from voxgran.shapes.images.foreign import Parts, hdf5_array, hdf5_part, is_hdf5, scales_of, zarr_array, zarr_part
 from voxgran.shapes.images.ome_zarr import ome_image
@@ -24,8 +24,6 @@ from voxgran.shapes.images.slices import PNG, TIFF, png_part, png_stack, slices_
 from voxgran.shapes.images.tiff_files import image_library
 
 HDF5, MATLAB = (".h5", ".hdf5", ".hdf", ".nxs"), ".mat"
-#: bytes in which the header of a raw file ends
-HEADER = 2**14
 #: types of numbers of MetaImage
 META = {"UCHAR": "u1", "CHAR": "i1", "USHORT": "u2", "SHORT": "i2", "UINT": "u4", "INT": "i4", "FLOAT": "f4"}
 META = {f"MET_{name}": code for name, code in (META | {"DOUBLE": "f8"}).items()}
@@ -248,13 +246,9 @@ def meta_header(path: Path) -> dict[str, Any]:
     The facts are ``file`` (None for the same), ``raw`` (whether they lie there as they are), ``dtype``, ``shape``,
     ``offset``, ``spacing`` and ``origin``, and the ``unit``, which is unknown.
     """
-    with path.open("rb") as opened:
-        text = opened.read(HEADER)
-    head, _, rest = text.partition(b"ElementDataFile")
-    line = rest.partition(b"\n")[0]
-    begin = len(text) - len(rest) + len(line) + 1
-    told: dict[str, str] = dict(re.findall(r"(?m)^\s*(\w+)\s*=\s*(.*?)\s*$", head.decode("latin-1")))
-    name, code = line.decode("latin-1").strip(" =\r\t"), META.get(told.get("ElementType", ""))
+    head, name, begin = meta_values(path)
+    told = {key.strip(): text.strip() for key, _, text in (line.partition("=") for line in head.splitlines())}
+    code = META.get(told.get("ElementType", ""))
     true, skip = ("true", "1"), int(told.get("HeaderSize", 0))
     plain = told.get("CompressedData", "").lower() not in true and told.get("ElementNumberOfChannels", "1") == "1"
     msb = told.get("ElementByteOrderMSB", told.get("BinaryDataByteOrderMSB", "")).lower() in true

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.errors import FileFormatError
-from voxgran._base.guarded import Content, refused
+from voxgran._base.files import files_in
+from voxgran._base.guarded import Content, one_file, refused
 from voxgran._base.lazy import load
 from voxgran.shapes.images.tiff_files import image_library, refuse_cut, tiff_lattice
 
@@ -24,8 +25,14 @@ MODES = {"1": "b1", "I;16": "<u2", "I;16B": ">u2", "I": "<i4", "F": "<f4"} | dic
 
 
 def slices_in(folder: Path, suffixes: Sequence[str]) -> list[Path]:
-    """Return the files of a folder with some suffixes, in the order of the numbers in their names: 10 follows 9."""
-    files = [item for item in folder.iterdir() if item.suffix.lower() in suffixes]
+    """Return the files of a folder with some suffixes, in the order of the numbers in their names: 10 follows 9.
+
+    Raises
+    ------
+    FileFormatError
+        If one of its files is a link to another place.
+    """
+    files = [item for item in files_in(folder) if item.suffix.lower() in suffixes]
     return sorted(files, key=lambda file: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", file.name)])
 
 
@@ -41,9 +48,9 @@ def tiff_stack(path: Path) -> Content:
         If a file is cut, or slices differ in shape or type.
     """
     library, files = image_library("tifffile"), slices_in(path, TIFF) if path.is_dir() else [path]
-    pages, kinds, lattice, offset = [], list[Any](), None, None
+    pages, kinds, lattice, offset, count = [], list[Any](), None, None, 0
     for file in files:
-        with refused(file), library.TiffFile(file) as opened:
+        with refused(file), one_file(), library.TiffFile(file) as opened:
             refuse_cut(opened, file)
             lattice = tiff_lattice(opened) if lattice is None else lattice
             for k, page in enumerate(opened.pages):
@@ -55,18 +62,14 @@ def tiff_stack(path: Path) -> Content:
                         f"and the first is of {kinds[0][0]} and {np.dtype(kinds[0][1])}: all need rows and columns of "
                         "numbers, of one shape and type; take it away, or write it again"
                     )
-    (rows, columns), dtype = kinds[0]
-    count = len(pages)
-    if len(files) == 1:
-        try:
-            mapped = library.memmap(files[0], mode="r")
-            if mapped.shape[1:] == (rows, columns):
+            first = opened.series[0] if len(files) == 1 else None
+            if first is not None and first.dataoffset is not None and first.shape[1:] == kinds[0][0]:
                 # ImageJ describes more pages than it lists
-                offset, count = mapped.offset, len(mapped)
-        except ValueError:
-            offset = None
+                offset, count = first.dataoffset, first.shape[0]
+    (rows, columns), dtype = kinds[0]
     spacing, unit = lattice or (None, None)
-    told = {"shape": (columns, rows, count), "dtype": dtype, "offset": offset, "spacing": spacing, "unit": unit}
+    shape = (columns, rows, count or len(pages))
+    told = {"shape": shape, "dtype": dtype, "offset": offset, "spacing": spacing, "unit": unit}
     return {"pages": pages, **told}, {}
 
 

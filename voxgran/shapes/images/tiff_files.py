@@ -1,5 +1,6 @@
 """TIFF files of one or several pages: whether they are whole, the lattice that they tell, and their values."""
 
+import contextlib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import FileFormatError
-from voxgran._base.guarded import Content
+from voxgran._base.guarded import Content, one_file
 from voxgran._base.lazy import load_extra
 from voxgran._base.units import known_unit
 
@@ -22,21 +23,34 @@ def tiff_pages(path: Path) -> Content:
 
     The facts are ``spacing`` and ``unit`` (None if the file does not tell them), and ``offset``, ``dtype`` and
     ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
+
+    Raises
+    ------
+    FileFormatError
+        If it is cut, or has slices in other files.
     """
-    tifffile = image_library("tifffile")
-    with tifffile.TiffFile(path) as file:
-        refuse_cut(file, path)
+    with contextlib.ExitStack() as opened:
+        # the library would read other files, which OME and Micro-Manager name, where it looks for the series
+        with one_file():
+            file = opened.enter_context(image_library("tifffile").TiffFile(path))
+            refuse_cut(file, path)
+            series = file.series
+        if any(page is None for one in series for page in one.pages):
+            raise FileFormatError(
+                f"{path} has slices in other files, which may lie anywhere: write all into it, or give the folder of "
+                "all files"
+            )
         spacing, unit = tiff_lattice(file)
         # pages that were written one by one may be as many series
-        apart = len(file.series) > 1 and len({(page.shape, page.dtype) for page in file.pages}) == 1
+        apart = len(series) > 1 and len({(page.shape, page.dtype) for page in file.pages}) == 1
         told = {"spacing": spacing, "unit": unit}
         if apart:
             return told, {"pages": file.asarray(key=slice(None), maxworkers=1)}
-    try:
-        pages = tifffile.memmap(path, mode="r")
-    except ValueError:
-        return told, {"pages": tifffile.imread(path, maxworkers=1)}
-    return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape, **told}, {}
+        first = series[0]
+        if first.dataoffset is None:
+            return told, {"pages": file.asarray(maxworkers=1)}
+        dtype = f"{file.byteorder}{first.dtype.char}"
+        return {"offset": first.dataoffset, "dtype": dtype, "shape": first.shape, **told}, {}
 
 
 def refuse_cut(file: Any, path: Path) -> None:

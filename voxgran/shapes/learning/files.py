@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, OutputError, shown
 from voxgran._base.files import PROBE, existing_file, output_suffix, written_whole
-from voxgran._base.guarded import Content, one_file, read_guarded
+from voxgran._base.guarded import Content, netcdf_file, read_guarded
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -106,8 +106,7 @@ def model_values(path: Path) -> Content:
     FileFormatError
         If it holds something else, or its arrays do not fit each other.
     """
-    library = load("netCDF4")
-    with one_file(), library.Dataset(path) as file:
+    with netcdf_file(path) as file:
         if getattr(file, "kind", "") != KIND or not set(ARRAYS) <= set(file.variables):
             raise FileFormatError(f"{path} holds no distribution of shapes: give a file that ShapeModel.save wrote")
         strength = float(file.strength)
