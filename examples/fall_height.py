@@ -61,11 +61,12 @@ rows = []
 for friction in frictions:
     for height in heights:
         beds = np.array([poured(friction, height, seed) for seed in range(seeds)])
-        rows.append(["voxgran", friction, height, *beds.mean(axis=0)])
+        made = [["voxgran", friction, height, *beds.mean(axis=0)]]
         # at height 0 its spheres would be stacked upon those that still fall
         if height and (peer := poured_by_lammps(friction, height)) is not None:
-            rows.append(["LAMMPS", friction, height, *peer])
-        print(*(f"{row[0]} friction {row[1]} height {row[2]}: {row[3]:.3f}" for row in rows[-2:]), sep="\n")
+            made.append(["LAMMPS", friction, height, *peer])
+        print(*(f"{row[0]} friction {row[1]} height {row[2]}: {row[3]:.3f}" for row in made), sep="\n")
+        rows += made
 with (folder / "fall_height.csv").open("w", newline="", encoding="utf-8") as file:
     table = csv.writer(file, lineterminator="\n")
     table.writerow(["program", "friction", "fall_height", "bulk_solid_fraction", "seconds"])

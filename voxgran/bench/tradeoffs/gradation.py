@@ -43,15 +43,13 @@ def measured(counts: tuple[int, ...] = COUNTS, seeds: int = SEEDS) -> list[Row]:
                 held = [
                     float(grains[np.searchsorted(np.cumsum(grains**3) / np.sum(grains**3), 0.6)]) for grains in drawn
                 ]
-                rows.append(
-                    (name, way, count, seconds, float(np.mean(far)), float(np.std(far)), *_relative(held, sixty))
-                )
+                rows.append((name, way, count, seconds, *_mean_and_deviation(far), *_mean_and_deviation(held, sixty)))
     return rows
 
 
-def _relative(values: list[float], true: float) -> tuple[float, float]:
-    """Return mean and standard deviation of values over the true one."""
-    return float(np.mean(values)) / true, float(np.std(values)) / true
+def _mean_and_deviation(values: list[float], unit: float = 1.0) -> tuple[float, float]:
+    """Return mean and standard deviation of values in a unit; the deviation of equal values is exactly 0."""
+    return float(np.mean(values)) / unit, float(np.std(np.subtract(values, values[0]))) / unit
 
 
 def distance_by_volume(law: SizeDistribution, grains: Floats) -> float:
