@@ -118,7 +118,7 @@ def _within(packing: Packing, grain: int, vertices: Floats, low: Floats, high: F
     """Return the corners (m, 3, 3) of the triangles of a mesh, with its vertices where it lies, that lie in a box."""
     geometry = packing.shapes[packing.shape_id[grain]].geometry
     assert isinstance(geometry, Mesh)
-    inside = ((vertices >= low) & (vertices <= high)).all(axis=1)[geometry.corners]
+    inside = np.asarray(((vertices >= low) & (vertices <= high)).all(axis=1))[geometry.corners]
     return vertices[geometry.corners[inside[:, 0] & inside[:, 1] & inside[:, 2]]]
 
 

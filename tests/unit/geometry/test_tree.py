@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -121,7 +123,7 @@ def numpy_order(middles, depth):
     order, count = np.arange(len(middles)), len(middles)
     for level in range(depth):
         edges = (count * np.arange(2**level + 1)) >> level
-        parts = [order[first:last] for first, last in zip(edges[:-1], edges[1:], strict=True)]
+        parts = [order[first:last] for first, last in itertools.pairwise(edges)]
         axes = [np.ptp(middles[part], axis=0).argmax() for part in parts]
         order = np.concatenate(
             [part[np.argsort(middles[part, axis], kind="stable")] for part, axis in zip(parts, axes, strict=True)]
