@@ -1,18 +1,21 @@
 """Progress of long work, reported through a callback.
 
 Whoever runs it shows it (the command line with rich) or leaves it. Where nobody does, a person who waits at a terminal
-or in a notebook is told every ten seconds what happens.
+or in a notebook is told every ten seconds what happens, and elsewhere the log.
 """
 
 import contextlib
+import logging
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from voxgran._base.errors import InputError, shown
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,11 +41,14 @@ SECONDS = 10.0
 
 @dataclass(slots=True)
 class ProgressLines:
-    """A callback that writes a line on the error stream every ten seconds, and at once that kernels are compiled."""
+    """A callback that writes a line on the error stream, or into the log, every ten seconds, and at once that kernels
+    are compiled.
+    """
 
     began: float = field(default_factory=time.monotonic)
     told: float = field(default_factory=time.monotonic)
     compiling: bool = False  # whether it was said that kernels are compiled
+    logged: bool = False  # whether lines are records of the log
 
     def __call__(self, step: Step, /) -> None:
         """Write a line if it is due."""
@@ -51,10 +57,13 @@ class ProgressLines:
         if now - self.told < SECONDS and not compiles:
             return
         self.told, self.compiling = now, self.compiling or compiles
-        text = f": {step.text}" if step.text else ""
+        line = f"{step.stage}{f': {step.text}' if step.text else ''} (after {now - self.began:.0f} s)"
+        if self.logged:
+            log.info(line)
+            return
         # where the error stream takes nothing there is nobody to tell
         with contextlib.suppress(OSError, ValueError, AttributeError):
-            sys.stderr.write(f"voxgran: {step.stage}{text} (after {now - self.began:.0f} s)\n")
+            sys.stderr.write(f"voxgran: {line}\n")
             sys.stderr.flush()
 
 
@@ -64,7 +73,7 @@ def silent(step: Step, /) -> None:
 
 def reported(on_step: OnStep | None) -> OnStep | None:
     """Return the callback, or if there is none, one that writes lines where a person waits at a terminal or in a
-    notebook.
+    notebook, and elsewhere into the log, where that takes records of the level INFO.
 
     Raises
     ------
@@ -76,7 +85,18 @@ def reported(on_step: OnStep | None) -> OnStep | None:
             raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
         return on_step
     watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
-    return ProgressLines() if watched else None
+    return ProgressLines(logged=not watched) if watched or log.isEnabledFor(logging.INFO) else None
+
+
+def numbered(on_step: OnStep | None, number: int, total: int) -> OnStep | None:
+    """Return a callback that says of which of several pieces of work, numbered from 0, a step is."""
+    if on_step is None or total == 1:
+        return on_step
+
+    def tell(step: Step, /) -> None:
+        on_step(replace(step, stage=f"{step.stage} {number + 1}/{total}"))
+
+    return tell
 
 
 @contextlib.contextmanager

@@ -38,7 +38,7 @@ from voxgran.shapes.model import Shape
 #: shapes of a preview
 PREVIEW = 5
 #: lines of a plan that are shown first
-HEADLINES = ("grains", "bed", "memory", "note")
+HEADLINES = ("grains", "bed", "memory", "time", "note")
 #: largest number of grains whose forces are computed where a packing stores none
 JUDGED = 2000
 #: a shape that is added
@@ -113,8 +113,7 @@ class Desk:
             return
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
-        seconds = f"time            about {made.seconds:.0f} s" if made.seconds >= 1 else ""
-        self.plan = "\n".join(" ".join(line.split()) for line in [*lines, seconds, *said] if line)
+        self.plan = "\n".join(" ".join(line.split()) for line in [*lines, *said] if line)
 
     def add_shape(self, entry: Mapping[str, Any] = SPHERE) -> None:
         """Add a shape after the others."""

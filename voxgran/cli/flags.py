@@ -103,6 +103,7 @@ GOES_ON: tuple[Flag, ...] = (
 COLORS = ("diameter", "height", "shape", "density", "coordination", "distance", "force", "residual")
 KINDS = ("clump", "polyhedron", "mesh", "level_set", "convex_parts")
 LONGEST = 200.0
+RESUME = _flag("--resume", action="store_true", help="go on from the checkpoint in the folder")
 TARGETS = ("iou", "volume", "inertia", "surface")
 COLORED = _flag("--color-by", choices=COLORS, default="diameter", help="what the grains are coloured by")
 
@@ -113,7 +114,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "run": (
         _flag("file", help="scene file"),
         _flag("-o", "--output", default="out", help="folder for the results"),
-        _flag("--resume", action="store_true", help="go on from the checkpoint in the folder"),
+        RESUME,
     ),
     "verify": (*PACKING, _flag("--tolerance", type=float, default=1e-9, help="in mean diameters")),
     "settle": (
@@ -189,7 +190,8 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--voxel-size", type=float, help="edge of the voxels on which both are compared"),
         _flag("--seed", type=int, default=0, help="seed of the grains and of the packing"),
         _flag("--seeds", type=int, help="number of packings, whose scatter is then known"),
-        _flag("-o", "--output", required=True, help="directory for the packing, the shapes and the page"),
+        _flag("-o", "--output", required=True, help="folder for the packing, the shapes and the page"),
+        RESUME,
     ),
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti, .nrrd, .mha or .mhd"),

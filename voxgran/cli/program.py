@@ -113,7 +113,7 @@ def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None
     # what is finished is found again, and nothing is lost where nothing is
     if command == "study" and not options.dry_run:
         complain(f"to go on: voxgran {shlex.join(word for word in words if word != '--overwrite')}")
-    if command != "run":
+    if command not in ("run", "twin"):
         return
     from voxgran.scene.run import CHECKPOINT, SUMMARY
 

@@ -2,7 +2,7 @@
 
 import argparse
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -96,18 +96,11 @@ def _moved(
     """Move the grains of a packing in a run with checkpoints, write and verify them, and show the main numbers."""
     check_savable(packing, options.output)
     checkpoint = checkpoint_of(options)
-    if not options.overwrite:
-        refuse_to_replace(options.output)
-        if checkpoint.exists() and not options.resume:
-            raise OutputExistsError(
-                f"{checkpoint} is the checkpoint of an interrupted run: go on with --resume, or start anew with "
-                "--overwrite"
-            )
-    if not options.resume:
-        remove_checkpoint(checkpoint)
+    begin(options, [as_path(options.output)], [checkpoint])
     with progress(options) as on_step:
         after = move(checkpoint=checkpoint, resume=options.resume, on_step=on_step)
-    voxgran.save(after, options.output, overwrite=options.overwrite)
+    # what is there was to be replaced when the run began
+    voxgran.save(after, options.output, overwrite=options.overwrite or options.resume)
     remove_checkpoint(checkpoint)
     with progress(options) as on_step:
         proof = voxgran.verify(after, on_step=on_step)
@@ -115,6 +108,27 @@ def _moved(
     numbers["verify"] = {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")}
     show(numbers, options, str(options.output))
     return 0 if proof.ok else 1
+
+
+def begin(options: argparse.Namespace, files: Sequence[Path], checkpoints: Sequence[Path]) -> None:
+    """Refuse to replace files and the checkpoints of an interrupted run unasked; where a run does not go on from these,
+    remove them.
+
+    Raises
+    ------
+    OutputExistsError
+        If one of them is there and is not to be replaced.
+    """
+    left = next((path for path in checkpoints if path.exists()), None)
+    if not (options.overwrite or (options.resume and left)):
+        refuse_to_replace(*files)
+        if left:
+            raise OutputExistsError(
+                f"{left} is the checkpoint of an interrupted run: go on with --resume, or start anew with --overwrite"
+            )
+    if not options.resume:
+        for path in checkpoints:
+            remove_checkpoint(path)
 
 
 def parameters_given(options: argparse.Namespace, kind: type) -> dict[str, Any]:

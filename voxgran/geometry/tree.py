@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arithmetic import libm, linear
+from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.geometry.triangles import closest_on_triangle
-from voxgran.geometry.vectors import Vector
+from voxgran.geometry.vectors import Vector, corner_of, cross, dot, sub
 
 #: triangles in a leaf, at most
 LEAF = 4
@@ -104,15 +104,8 @@ def grow_tree(vertices: Floats, faces: Integers) -> TriangleTree:
     depth = max(0, math.ceil(math.log2(max(count, 1) / LEAF)))
     middles = corners.mean(axis=1)
     order = np.arange(count)
-    # whole numbers are sorted in a tenth of the time
     rank = np.column_stack([np.unique(along, return_inverse=True)[1] for along in middles.T])
-    for level in range(depth):
-        edges = (count * np.arange(2**level + 1)) >> level
-        node = np.repeat(np.arange(2**level), np.diff(edges))
-        placed = middles[order]
-        extent = np.maximum.reduceat(placed, edges[:-1]) - np.minimum.reduceat(placed, edges[:-1])
-        key = node * count + rank[order, extent.argmax(axis=1)[node]]
-        order = order[np.argsort(key, kind="stable")]
+    _sort_into_boxes(middles, rank, depth, order)
     ordered = corners[order]
     a, b, c = np.moveaxis(ordered, 1, 0)
     edges = (count * np.arange(2**depth + 1)) >> depth
@@ -170,27 +163,81 @@ def _box_surface(edges: Floats) -> Floats:
 
 def _pseudo_normals(corners: Floats, faces: Integers) -> Floats:
     """Return the (m, 7, 3) pseudo-normals: of a face, its edges (sum of both faces), its corners (by angle)."""
-    # axes: corner, coordinate, triangle
-    at = np.ascontiguousarray(corners.transpose(1, 2, 0))
-    one, two = at[[1, 2, 0]] - at, at[[2, 0, 1]] - at
-    turn = one[:, [1, 2, 0]] * two[:, [2, 0, 1]] - one[:, [2, 0, 1]] * two[:, [1, 2, 0]]
-    sine, cosine = np.sqrt(_over_axes(turn * turn)), _over_axes(one * two)
-    normal = turn[0] / np.where(sine[0] > 0, sine[0], 1.0)
-    end = np.roll(faces, -1, axis=1)
-    key = np.minimum(faces, end) * (int(faces.max(initial=0)) + 1) + np.maximum(faces, end)
-    edge = np.unique(key, return_inverse=True)[1].reshape(faces.shape)
-    angle = libm.arctan2(sine, cosine)
     found = np.empty((len(faces), 7, 3))
-    for k in range(3):
-        found[:, 0, k] = normal[k]
-        found[:, 1:4, k] = np.bincount(edge.ravel(), np.repeat(normal[k], 3))[edge]
-        found[:, 4:7, k] = np.bincount(faces.ravel(), (angle * normal[k]).T.ravel())[faces]
+    # a closed surface has 3 edges for 2 triangles, which fill a third of the table at most
+    size = 1 << (4 * len(faces)).bit_length()
+    _sum_normals(corners, faces, np.full((size, 2), -1), np.zeros((int(faces.max(initial=-1)) + 1, 3)), found)
     return found
 
 
-def _over_axes(values: Floats) -> Floats:
-    """Return the sums (3, m) over the coordinates of (3, 3, m) values."""
-    return values[:, 0] + values[:, 1] + values[:, 2]
+@kernel
+def _sum_normals(corners, faces, ends, of_corners, found):  # type: ignore[no-untyped-def]
+    """Write the unit normals of triangles, and the sums of them over edges and, times their angles, over corners.
+
+    ends: table (n,) of edges, which are looked for from a place that follows from their corners; n is a power of two.
+    """
+    edge, of_edges = np.empty(faces.shape, np.int64), np.zeros((len(ends), 3))
+    for t in range(len(faces)):
+        for k in range(3):
+            at, one, two = (
+                corner_of(corners, t, k),
+                corner_of(corners, t, (k + 1) % 3),
+                corner_of(corners, t, (k + 2) % 3),
+            )
+            one, two = sub(one, at), sub(two, at)
+            turn = cross(one, two)
+            sine = math.sqrt(dot(turn, turn))
+            if k == 0:
+                length = sine if sine > 0.0 else 1.0
+                normal = (turn[0] / length, turn[1] / length, turn[2] / length)
+            angle = math.atan2(sine, dot(one, two))
+            a, b = faces[t, k], faces[t, (k + 1) % 3]
+            a, b = min(a, b), max(a, b)
+            place = (a * 73856093 + b * 19349663) & (len(ends) - 1)
+            while ends[place, 0] >= 0 and (ends[place, 0] != a or ends[place, 1] != b):
+                place = (place + 1) & (len(ends) - 1)
+            ends[place, 0], ends[place, 1], edge[t, k] = a, b, place
+            for axis in range(3):
+                found[t, 0, axis] = normal[axis]
+                of_edges[edge[t, k], axis] += normal[axis]
+                of_corners[faces[t, k], axis] += angle * normal[axis]
+    for t in range(len(faces)):
+        for k in range(3):
+            found[t, 1 + k], found[t, 4 + k] = of_edges[edge[t, k]], of_corners[faces[t, k]]
+
+
+@kernel
+def _sort_into_boxes(middles, rank, depth, order):  # type: ignore[no-untyped-def]
+    """Order triangles so that those of each box follow each other; boxes are halved along their longest axis.
+
+    middles, rank: (m, 3) places of the triangles, and their numbers in the order of each coordinate.
+    """
+    count = len(order)
+    box, key, spare = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    for level in range(depth):
+        for k in range(1 << level):
+            first, last = count * k >> level, count * (k + 1) >> level
+            widest, longest = -1.0, 0
+            for axis in range(3):
+                low, high = math.inf, -math.inf
+                for e in order[first:last]:
+                    low, high = min(low, middles[e, axis]), max(high, middles[e, axis])
+                if high - low > widest:
+                    widest, longest = high - low, axis
+            for e in order[first:last]:
+                box[e], key[e] = k, rank[e, longest]
+        # by the coordinate, then by the box; equal ones stay as they were
+        begin = np.zeros(count + 1, np.int64)
+        for e in order:
+            begin[key[e] + 1] += 1
+        begin = np.cumsum(begin)
+        for e in order:
+            spare[begin[key[e]]] = e
+            begin[key[e]] += 1
+        begin = count * np.arange(1 << level) >> level
+        for e in spare:
+            order[begin[box[e]]] = e
+            begin[box[e]] += 1
 
 
 @bare_kernel

@@ -18,8 +18,9 @@ SLIVER = 1e-6
 
 def normals_of(triangles: Floats) -> Floats:
     """Return the normals of (m, 3, 3) triangles, (m, 3), each as long as twice the area."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.asarray(np.cross(b - a, c - a))
+    u, v = ((triangles[:, k] - triangles[:, 0]).T for k in (1, 2))
+    # as NumPy does in several times as long
+    return np.column_stack([u[i] * v[j] - u[j] * v[i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
 
 def areas_of(triangles: Floats) -> Floats:

@@ -113,7 +113,7 @@ def effective_diffusivity(
     In dense packings of spheres 20 voxels wide numbers are too small by 2 %, with `block=3` right to 0.5 %, and with
     `block=1` too small by 20 %. In a scanned electrode with walls of one voxel, `block=1` gives the published number of
     other programs, and `block=2` one that is larger by 28 %. The solver adds 1e-5.
-    Memory beside the mask: about 15 bytes per voxel, with `block=1` 110.
+    Memory beside the mask: about 12 bytes per voxel, with `block=1` 42.
 
     Examples
     --------
@@ -194,17 +194,17 @@ def diffusivity_along(
         return np.nan, share
     if not share:
         return 0.0, share
-    through = through.take(range(kept[0], kept[-1] + 1), axis=axis)
-    scales = float(np.prod(edges)) / edges**2
-    conductance = np.stack([scales[k] * _openings(through, k, sides, block) for k in range(3)])
-    inlet, outlet = np.zeros((2, *conductance.shape[1:]))
-    lines, widths = np.moveaxis(through, axis, 0), _widths(through.shape[axis], block)
-    for ends, last in ((inlet, 0), (outlet, -1)):
-        np.moveaxis(ends, axis, 0)[last] = pair_sums(2 * scales[axis] / widths[last] * lines[last], (0, 1), block)
+    # that axis first, in units of whose conductances all are
+    order = [axis, *(k for k in range(3) if k != axis)]
+    scales, lines = (edges[axis] / edges[order]) ** 2, through.transpose(order)[kept[0] : kept[-1] + 1]
+    widths = _widths(len(lines), block)
+    conductance = np.empty((3, *(-(-many // block) for many in lines.shape)), dtype=np.float32)
+    for k in range(3):
+        conductance[k] = _openings(lines, k, [sides[other] for other in order], block)
+        conductance[k] *= scales[k]
+    inlet, outlet = (pair_sums(2 / widths[end] * lines[end], (0, 1), block) for end in (0, -1))
     even = 1 - (np.cumsum(widths) - widths / 2) / len(lines)
-    potential = np.zeros(inlet.shape) + even.reshape([-1 if k == axis else 1 for k in range(3)])
-    flow = flow_between(conductance, inlet, outlet, potential)
-    return flow * len(lines) / (scales[axis] * float(section.sum())), share
+    return flow_between(conductance, inlet, outlet, even) * len(lines) / float(section.sum()), share
 
 
 def _widths(count: int, block: int) -> Floats:
@@ -222,15 +222,15 @@ def _openings(pores: Booleans, axis: int, periodic: Sequence[bool], block: int) 
     firsts = np.arange(0, len(lines), block)
     before, after = lines[np.roll(firsts, -1) - 1], lines[np.roll(firsts, -1)]
     both = before & after
-    open_part = both.astype(np.float64)
+    open_part = both.astype(np.float32)
     if block > 1:
         near = both
         for other, around in enumerate(np.delete(periodic, axis), start=1):
             wide = np.pad(near, [(int(k == other),) * 2 for k in range(3)], mode="wrap" if around else "constant")
             near = near | np.delete(wide, (0, 1), other) | np.delete(wide, (-1, -2), other)
-        open_part += 0.5 * (near & (before ^ after))
+        open_part[near & (before ^ after)] = 0.5
     if not periodic[axis] or len(widths) == 1:
         open_part[-1] = 0.0
     found = pair_sums(open_part, (1, 2), block)
-    found *= (2 / (widths + np.roll(widths, -1)))[:, None, None]
+    found *= (2 / (widths + np.roll(widths, -1)))[:, None, None].astype(np.float32)
     return np.moveaxis(found, 0, axis)

@@ -99,11 +99,12 @@ def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
     meshes = np.array([isinstance(shape.geometry, Mesh) for shape in packing.shapes], dtype=np.bool_)[packing.shape_id]
     found = np.zeros(contacts.count)
     for k in np.flatnonzero(meshes[contacts.i] & meshes[contacts.j] & (np.abs(contacts.gap) <= reach)).tolist():
-        one, two = _triangles(packing, int(contacts.i[k])), _triangles(packing, int(contacts.j[k]))
-        two = two + linear.matmul(contacts.image[k], periods)
-        low = np.maximum(*(corners.min(axis=(0, 1)) for corners in (one, two))) - reach
-        high = np.minimum(*(corners.max(axis=(0, 1)) for corners in (one, two))) + reach
-        one, two = (near[((near >= low) & (near <= high)).all(axis=(1, 2))] for near in (one, two))
+        pair = int(contacts.i[k]), int(contacts.j[k])
+        mine, theirs = (packing.world_vertices(grain) for grain in pair)
+        theirs = theirs + linear.matmul(contacts.image[k], periods)
+        low = np.maximum(mine.min(axis=0), theirs.min(axis=0)) - reach
+        high = np.minimum(mine.max(axis=0), theirs.max(axis=0)) + reach
+        one, two = (_within(packing, *of, low, high) for of in zip(pair, (mine, theirs), strict=True))
         if len(one) and len(two):
             middles = two.mean(axis=1)
             apart, nearest = load("scipy.spatial").cKDTree(middles).query(one.mean(axis=1), distance_upper_bound=reach)
@@ -113,9 +114,12 @@ def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
     return found
 
 
-def _triangles(packing: Packing, grain: int) -> Floats:
-    """Return the corners (m, 3, 3) of the triangles of a grain where it lies."""
-    return np.asarray(packing.world_vertices(grain)[packing.shapes[packing.shape_id[grain]].faces])
+def _within(packing: Packing, grain: int, vertices: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the corners (m, 3, 3) of the triangles of a mesh, with its vertices where it lies, that lie in a box."""
+    geometry = packing.shapes[packing.shape_id[grain]].geometry
+    assert isinstance(geometry, Mesh)
+    inside = np.asarray(((vertices >= low) & (vertices <= high)).all(axis=1))[geometry.corners]
+    return vertices[geometry.corners[inside[:, 0] & inside[:, 1] & inside[:, 2]]]
 
 
 def _of_union(packing: Packing, centers: Floats, radii: Floats) -> float:

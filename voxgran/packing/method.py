@@ -397,11 +397,11 @@ def long_run(method: PackingMethod, problem: Problem, seconds: float | None = No
     seconds, settings = method.cost(problem).seconds if seconds is None else seconds, problem.parameters
     if seconds <= LONG_RUN or getattr(settings, "voxel_size", None) is not None:
         return ""
-    remedy = "larger voxels (voxel_size), fewer orientations, turned=False, fewer different sizes or fewer grains"
+    remedy = "a lower solid fraction, fewer or larger grains, or shapes of fewer faces"
     if hasattr(settings, "sweeps"):
         remedy = "fewer sweeps, a higher rate or fewer grains"
-    if method.sizing == "made":
-        remedy = "a lower solid fraction, fewer or larger grains, or shapes of fewer faces"
+    elif hasattr(settings, "voxel_size"):
+        remedy = "larger voxels (voxel_size), fewer orientations, turned=False, fewer different sizes or fewer grains"
     return f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: {remedy} take less"
 
 

@@ -155,7 +155,8 @@ def pack(
     threads : int, optional
         Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
     on_step : callable, optional
-        Told of each step; default: at a terminal and in a notebook, a line on the error stream every ten seconds.
+        Told of each step; default: at a terminal and in a notebook, a line on the error stream every ten seconds,
+        elsewhere a record of the logger ``voxgran`` of the level INFO.
     recorder : Recorder, optional
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     settle : bool, mapping or Settling, optional

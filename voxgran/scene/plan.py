@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from voxgran.packing.missed import Task
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
+from voxgran.scene.duration import expected_seconds, grains_of, steps_of
 from voxgran.scene.entries import REMEDIES, ShapeEntry
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_text
@@ -81,7 +82,10 @@ class Plan(ExplainedAttributes):
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
     seconds : float
-        Expected CPU time of the packing on a usual core; 0 where it is not known.
+        CPU time that packing, settling and compressing are expected to take on this machine, by runs that were
+        measured, of all seeds; 0 where none of that method were.
+    seconds_range : tuple of float
+        Range in which it lies with a probability of 0.95, if the scene is like those that were measured.
     slow : str
         Why the packing takes long, in a sentence; empty where it does not.
     sizes : SizePlan or None
@@ -103,7 +107,8 @@ class Plan(ExplainedAttributes):
     depth: float | None = None
     bulk_grains: int | None = None
     notes: tuple[str, ...] = ()
-    seconds: float = 0.0
+    seconds: float = field(default=0.0, compare=False)
+    seconds_range: tuple[float, float] = field(default=(0.0, 0.0), compare=False)
     slow: str = ""
     sizes: SizePlan | None = None
 
@@ -120,6 +125,7 @@ class Plan(ExplainedAttributes):
             f"grains          {grains}",
             *(() if self.depth is None else (f"bed             {ExpectedBed(self.depth, self.bulk_grains or 0)}",)),
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
+            *((f"time            {self.time}",) * bool(self.seconds)),
             f"attempts        {self.attempts:,} at the most",
             f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",
             f"libraries       {', '.join(self.libraries)}",
@@ -129,6 +135,14 @@ class Plan(ExplainedAttributes):
             *(f"sizes           {line}" for line in (str(self.sizes).splitlines() if self.sizes else ())),
         ]
         return "\n".join(lines)
+
+    @property
+    def time(self) -> str:
+        """How long packing takes, in words; empty where it is not known."""
+        if not self.seconds:
+            return ""
+        least, most = self.seconds_range
+        return f"{self.seconds:.2g} s of CPU time to pack; {least:.2g} to {most:.2g} s with a probability of 0.95"
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
@@ -150,14 +164,13 @@ def make_plan(scene: SceneDescription) -> Plan:
     TooLargeError
         If it does not fit in memory.
     """
-    task = task_of(scene, tuple(shape for entry in scene.shapes for shape in _stand_ins(entry)))
+    task = task_of(scene, stand_ins(scene))
     cost, bed, free = task.method.cost(task.problem), expected_bed(task.problem), task.problem.apart
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
-    many = free.count
-    if cost.grains is not None and task.asked["count"] is None:
-        many = min(many, cost.grains)
+    many = grains_of(task, cost)
+    seconds, least, most = (scene.general.seeds * one for one in expected_seconds(steps_of(scene, task, cost)))
     return Plan(
         grains=many,
         expected=many < free.count,
@@ -172,7 +185,8 @@ def make_plan(scene: SceneDescription) -> Plan:
         depth=None if bed is None else bed.depth,
         bulk_grains=None if bed is None else bed.bulk,
         notes=_notes(scene, task, bed),
-        seconds=cost.seconds,
+        seconds=seconds,
+        seconds_range=(least, most),
         slow=long_run(task.method, task.problem),
         sizes=_size_plan(scene, task),
     )
@@ -205,8 +219,13 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     return prepare_task(Request(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters)))
 
 
-def _stand_ins(entry: ShapeEntry) -> list[Shape]:
+def stand_ins(scene: SceneDescription) -> tuple[Shape, ...]:
     """Return shapes that cost as much as those that are packed."""
+    return tuple(shape for entry in scene.shapes for shape in _stand_ins(entry))
+
+
+def _stand_ins(entry: ShapeEntry) -> list[Shape]:
+    """Return shapes that cost as much as those of an entry."""
     solid = _solid(entry)
     if entry.roughness is not None and solid.dimension == 3 and not solid.is_open:
         # a rough solid is triangles, whatever it was

@@ -12,7 +12,7 @@ import numpy as np
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning, warn
 from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import DataTree, load
-from voxgran._base.progress import OnStep, Step
+from voxgran._base.progress import OnStep, numbered
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.driver import Recorder
@@ -57,7 +57,7 @@ def _run_in(
     for number in range(scene.general.seeds):
         one = _with_seed(scene, number)
         place = target / f"seed_{one.general.seed}"
-        told = _numbered(on_step, number, scene)
+        told = numbered(on_step, number, scene.general.seeds)
         result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=told, recorder=recorder)
         first = first or result
         runs.append(result.summary)
@@ -66,7 +66,7 @@ def _run_in(
     summary = averaged(runs)
     if scene.twin is not None:
         made = [load_packing(target / f"seed_{run['seed']}" / PACKING) for run in runs]
-        summary |= scene.twin.told(made, target, scene.output)
+        summary |= scene.twin.told(made, target, scene.output, on_step)
     save_statistics(_joined(trees, [run["seed"] for run in runs]), target / "statistics.nc", overwrite=True)
     write_text(target / SUMMARY, json.dumps(summary, indent=2) + "\n")
     return replace(first, summary=summary, folder=target)
@@ -148,17 +148,6 @@ def _with_seed(scene: SceneDescription, number: int) -> SceneDescription:
     twin = None if scene.twin is None else replace(scene.twin, compares=False)
     general = replace(scene.general, seed=scene.general.seed + number, seeds=1)
     return replace(scene, general=general, output=output, twin=twin)
-
-
-def _numbered(on_step: OnStep | None, number: int, scene: SceneDescription) -> OnStep | None:
-    """Return a callback that says which seed a step is of."""
-    if on_step is None:
-        return None
-
-    def tell(step: Step) -> None:
-        on_step(replace(step, stage=f"{step.stage} {number + 1}/{scene.general.seeds}"))
-
-    return tell
 
 
 def _joined(trees: "Sequence[DataTree]", seeds: Sequence[int]) -> "DataTree":

@@ -128,7 +128,7 @@ def _run_in(
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     if scene.twin is not None:
-        result.summary.update(scene.twin.told([packing], target, scene.output))
+        result.summary.update(scene.twin.told([packing], target, scene.output, on_step))
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
     for path in kept:
         remove_checkpoint(path)

@@ -29,6 +29,8 @@ FEW = 3
 SHORTEST = 1e-6
 #: seconds that are not known
 UNKNOWN = (0.0, math.inf)
+#: seconds after which it is said that the time that is left stands still, and of a change of it
+STILL, CHANGE = 120.0, 1.0
 
 
 def kind_of(mapping: Mapping[str, Any]) -> Kind:
@@ -78,6 +80,7 @@ class Durations:
 
     cells: dict[str, _Cell] = field(default_factory=dict)
     _fits: dict[Kind, _Fit | None] = field(default_factory=dict)
+    _told: tuple[float, float] = (math.inf, 0.0)  # time that was left when it last changed, and when that was
 
     def add(self, cell: str, mapping: Mapping[str, Any]) -> None:
         """Add a cell with the mapping of its scene."""
@@ -133,6 +136,12 @@ class Durations:
             found.append(max([whole / max(1, len(begun)), *begun, *ahead]))
         late = max((seconds - expected[cell][1] for cell, seconds in under_way), default=0.0)
         return found[0], found[1], late > max(1.0, found[1])
+
+    def stands_still(self, left: float, now: float) -> bool:
+        """Take note of the seconds that are left at a time, and return whether they have not changed for long."""
+        if abs(left - self._told[0]) >= CHANGE:
+            self._told = left, now
+        return now - self._told[1] > STILL
 
     def _sized(self, cell: str, attempts: int, grains: int) -> _Cell:
         """Return what is known of a cell, with the sizes of its runs noted."""

@@ -381,9 +381,12 @@ class _Work:
         least, most, late = self.durations.remaining(computed, before)
         if late:
             return ", longer than expected"
-        if most <= SPREAD * least:
-            return f", about {told_duration((least + most) / 2 / pace)} left"
-        return f", at least {told_duration(least / pace)} left" if least else ""
+        if not least:
+            return ""
+        known = most <= SPREAD * least
+        left = ((least + most) / 2 if known else least) / pace
+        still = ", which has not changed for two minutes" * self.durations.stands_still(left, time.monotonic())
+        return f", {'about' if known else 'at least'} {told_duration(left)} left{still}"
 
     def _tell(self, executor: Executor) -> None:
         """Report progress, ten times a second at the most."""

@@ -1,6 +1,7 @@
 """Lines for a person who waits, where nobody shows the steps."""
 
 import io
+import logging
 import sys
 import threading
 import time
@@ -53,7 +54,7 @@ def test_compiling_is_said_at_once_and_one_time(monkeypatch: pytest.MonkeyPatch)
     assert terminal.getvalue() == "voxgran: compiling: kernels (once per machine) (after 0 s)\n"
 
 
-def test_only_who_waits_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_who_waits_is_told_and_the_log(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     at_terminal(monkeypatch)
     assert isinstance(reported(None), ProgressLines)
     assert reported(silent) is silent
@@ -61,6 +62,12 @@ def test_only_who_waits_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for stream in (io.StringIO(), None):
         monkeypatch.setattr(sys, "stderr", stream)
         assert reported(None) is None
+        with caplog.at_level(logging.INFO, "voxgran"):
+            lines = reported(None)
+            assert isinstance(lines, ProgressLines)
+            lines(Step(stage="compiling", done=0, total=0, text="kernels (once per machine)"))
+        assert caplog.messages == ["compiling: kernels (once per machine) (after 0 s)"]
+        caplog.clear()
     monkeypatch.setitem(sys.modules, "ipykernel", progress)
     assert isinstance(reported(None), ProgressLines)
     # a notebook without an error stream loses the line, not the run

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,39 @@ def test_closest_point_of_a_triangle_equals_a_fine_sampling():
         assert exact <= sampled + 1e-14
         assert exact >= sampled - 0.05
         assert 0 <= feature <= 6
+
+
+def numpy_order(middles, depth):
+    """Return triangles in the order of the tree: boxes are halved at the median along their longest axis, stably."""
+    order, count = np.arange(len(middles)), len(middles)
+    for level in range(depth):
+        edges = (count * np.arange(2**level + 1)) >> level
+        parts = [order[first:last] for first, last in itertools.pairwise(edges)]
+        axes = [np.ptp(middles[part], axis=0).argmax() for part in parts]
+        order = np.concatenate(
+            [part[np.argsort(middles[part, axis], kind="stable")] for part, axis in zip(parts, axes, strict=True)]
+        )
+    return order
+
+
+@pytest.mark.parametrize("name", [*MESHES, "lattice"])
+def test_the_order_and_the_normals_equal_those_of_numpy(name):
+    """Middles on a lattice tie, as those of labels do."""
+    vertices, faces = (np.round(4 * MESHES["sphere"][0]), MESHES["sphere"][1]) if name == "lattice" else MESHES[name]
+    tree, corners = grow_tree(vertices, faces), vertices[faces]
+    np.testing.assert_array_equal(tree.face, numpy_order(corners.mean(axis=1), (len(tree.start)).bit_length() - 1))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    edges, points = {}, np.zeros_like(vertices)
+    for face, corner, one in zip(faces, corners, normal, strict=True):
+        for k in range(3):
+            u, v = corner[(k + 1) % 3] - corner[k], corner[(k + 2) % 3] - corner[k]
+            points[face[k]] += one * np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)
+            edges[frozenset(face[[k, (k + 1) % 3]])] = edges.get(frozenset(face[[k, (k + 1) % 3]]), 0) + one
+    found = np.empty_like(tree.normals)
+    found[tree.face] = tree.normals
+    np.testing.assert_allclose(found[:, 0], normal, atol=1e-12)
+    np.testing.assert_allclose(
+        found[:, 1:4], [[edges[frozenset(f[[k, k - 2]])] for k in range(3)] for f in faces], atol=1e-12
+    )
+    np.testing.assert_allclose(found[:, 4:], points[faces], atol=1e-12)

@@ -1,6 +1,7 @@
 """Twins of samples: weights of grains that a border cuts, sizes, solid fraction, comparison and page."""
 
 import json
+import signal
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import pytest
 from kit import slow
 
 import voxgran as vg
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import InputError, Interrupted, TooLargeError
 from voxgran.cli import main
 from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values, comparison_of
 from voxgran.scene.twins.differences import TEXTS, dataset_of
@@ -438,3 +439,43 @@ def test_a_twin_of_one_half_is_as_near_to_the_other_as_that_half_is(seed):
     print(told.round(2).to_string())  # noqa: T201
     assert told["twin"].median() < told["half"].median() + 0.5
     assert (told["twin"] <= told["half"].clip(lower=EQUAL) + 1.0).mean() > 0.9
+
+
+def stopped_in_second(sample, checkpoint, **asked):
+    """Return the stages of a run of two twins that a signal ends in the second one."""
+    stages = []
+
+    def stop(step):
+        stages.append(step.stage)
+        if step.stage == "packing 2/2":
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(Interrupted, match="resume from"):
+        vg.twin(sample, seeds=2, checkpoint=checkpoint, on_step=stop, **asked)
+    return stages
+
+
+def test_twins_go_on_where_they_were_stopped(spheres, copy, tmp_path):
+    """The packing that was finished is not computed again, and the bits are those of a run without a stop."""
+    asked = {"count": 50, "protocol": "expand", "seed": 1}
+    stages = stopped_in_second(spheres, tmp_path / "kept", **asked)
+    assert (stages[0], "packing 1/2" in stages) == ("learning 1/2", True)
+    again = []
+    made = vg.twin(spheres, seeds=2, checkpoint=tmp_path / "kept", resume=True, on_step=again.append, **asked)
+    assert "packing 1/2" not in [step.stage for step in again]
+    assert made.packings[1].position.tobytes() == copy.packing.position.tobytes()
+
+
+@pytest.mark.slow
+def test_the_command_goes_on_where_twins_were_stopped(spheres, tmp_path, capsys):
+    vg.save(spheres, tmp_path / "sample.vtp")
+    out = tmp_path / "out"
+    out.mkdir()
+    stopped_in_second(vg.load(tmp_path / "sample.vtp"), out / "checkpoint.voxgran", count=12, protocol="expand")
+    words = f"twin {tmp_path}/sample.vtp -o {out} --count 12 --protocol expand --seeds 2 --voxel-size 0.25".split()
+    assert main(words) == 2
+    assert "checkpoint of an interrupted run: go on with --resume" in capsys.readouterr().err
+    assert main([*words, "--resume"]) == 0
+    assert vg.load(out / "twin_1.vtp").provenance["seed"] == 1
+    assert not list(out.glob("*checkpoint*"))
+    assert main([*words, "--resume"]) == 2

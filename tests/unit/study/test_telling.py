@@ -10,6 +10,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import Interrupted
 from voxgran.study import engine
+from voxgran.study.durations import Durations
 from voxgran.study.processes import COMPILED, COMPILING, READY, Processes
 from voxgran.study.runs import Run
 
@@ -91,3 +92,15 @@ def test_a_study_that_is_stopped_before_its_first_run_says_so(base, marks, tmp_p
 
     with pytest.raises(Interrupted, match="stopped before the first of 3 runs was finished: the same command"):
         vg.Study(base=base, seeds=3).run(tmp_path / "o", workers=1, on_step=stop)
+
+
+def test_a_time_that_stands_still_for_two_minutes_is_told():
+    """Of a run that takes longer than the others of its cell the time that is left no longer falls."""
+    known = Durations()
+    known.add("a", {"packing": {"method": "rsa"}})
+    known.note("a", 1, 1, 600.0)
+    for _ in range(20):
+        known.expect("a", 1, 1)
+    seconds = range(0, 1000, 10)
+    told = [known.stands_still(known.remaining([("a", float(now))], 0.0)[0], float(now)) for now in seconds]
+    assert [now for now, still in zip(seconds, told, strict=True) if still] == list(range(730, 1000, 10))

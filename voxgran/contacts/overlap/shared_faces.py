@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lazy import load
 from voxgran.contacts.solid import Solid
 from voxgran.geometry.crossing import meet_beyond_corners
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.triangles import normals_of
-from voxgran.lattice.label import components
 
 
 def shared_by_neighbours(
@@ -79,13 +79,38 @@ def middle_of_shared(one: Solid, shared: NDArray[np.int64]) -> tuple[Floats, Flo
 
 def _one_a_patch(faces: Integers, common: Booleans) -> Integers:
     """Return a triangle of each patch of triangles that are connected over corners that are not common."""
-    free = ~common[faces]
-    links = [faces[free[:, k] & free[:, k - 1]][:, [k, k - 1]] for k in range(3)]
-    patch = components(len(common), *np.concatenate(links).T)
-    # a triangle without such a corner is alone
-    own = len(common) + np.arange(len(faces))
-    some = np.where(free.any(axis=1), patch[faces[np.arange(len(faces)), free.argmax(axis=1)]], own)
-    return faces[np.unique(some, return_index=True)[1]]
+    first = np.zeros(len(faces), dtype=np.bool_)
+    _mark_first(faces, common, first)
+    return faces[first]
+
+
+@kernel
+def _mark_first(faces, common, first):  # type: ignore[no-untyped-def]
+    """Mark the first triangle of each patch; one without a corner that is not common is alone."""
+    parent, seen = np.arange(len(common)), np.zeros(len(common), dtype=np.bool_)
+    for t in range(len(faces)):
+        known = -1
+        for corner in faces[t]:
+            if not common[corner]:
+                root = _root_of(parent, corner)
+                parent[root] = root if known < 0 else known
+                known = parent[root]
+    for t in range(len(faces)):
+        first[t] = True
+        for corner in faces[t]:
+            if not common[corner]:
+                root = _root_of(parent, corner)
+                first[t], seen[root] = not seen[root], True
+                break
+
+
+@bare_kernel
+def _root_of(parent, node):  # type: ignore[no-untyped-def]
+    """Return the first node of a set, and shorten the way to it."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
 
 
 def _side(points: Floats, low: Floats, high: Floats) -> NDArray[np.uint8]:

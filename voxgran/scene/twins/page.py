@@ -10,6 +10,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.files import as_path, write_files
 from voxgran._base.lazy import load
+from voxgran._base.progress import OnStep, Step, repeated
 from voxgran._base.units import NO_UNIT
 from voxgran.io.netcdf import save_statistics
 from voxgran.packing.model import Packing
@@ -59,14 +60,17 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, overwrite: bool) -> N
     write_files({as_path(path): text, numbers: json_text(record)}, overwrite=overwrite)
 
 
-def written(twin: Any, folder: Path, *, page: bool = True) -> dict[str, Any]:
+def written(twin: Any, folder: Path, *, page: bool = True, on_step: OnStep | None = None) -> dict[str, Any]:
     """Write the learned shapes, the comparison and the page of a twin into a folder, and return the main numbers."""
-    data = twin.comparison
-    if twin.model is not None:
-        twin.model.save(folder / "shapes.nc", overwrite=True)
-    save_statistics(load("xarray").DataTree(dataset=data), folder / "comparison.nc", overwrite=True)
-    if page:
-        write_page(twin, folder / "twin.html", overwrite=True)
+    with repeated(on_step) as told:
+        told(Step(stage="comparing", done=0, total=0, text="with the sample"))
+        data = twin.comparison
+        if twin.model is not None:
+            twin.model.save(folder / "shapes.nc", overwrite=True)
+        save_statistics(load("xarray").DataTree(dataset=data), folder / "comparison.nc", overwrite=True)
+        if page:
+            told(Step(stage="comparing", done=0, total=0, text="drawing the page"))
+            write_page(twin, folder / "twin.html", overwrite=True)
     ratios = np.nan_to_num(np.abs(data["ratio"].values))
     return {
         "grains": twin.packing.count,

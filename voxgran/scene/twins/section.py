@@ -8,6 +8,7 @@ from typing import Any
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import existing_file
+from voxgran._base.progress import OnStep
 from voxgran._base.units import NO_UNIT
 from voxgran.containers.model import Container, make_container
 from voxgran.io.files import load
@@ -35,13 +36,14 @@ class TwinEntry:
     held: bool  # whether the scene says the container
     compares: bool = True  # whether a run is compared with the sample
 
-    def told(self, packings: list[Packing], folder: Path, output: Output) -> dict[str, Any]:
+    def told(self, packings: list[Packing], folder: Path, output: Output, on_step: OnStep | None) -> dict[str, Any]:
         """Write how nearly packings equal the sample into a folder, and return the main numbers for the summary;
         nothing is compared where nothing is to be written.
         """
         if not (self.compares and (output.statistics or output.report)):
             return {}
-        return {"twin": written(twin_of(self.request, packings, self.voxel_size), folder, page=output.report)}
+        made = twin_of(self.request, packings, self.voxel_size)
+        return {"twin": written(made, folder, page=output.report, on_step=on_step)}
 
 
 def twin_scene(mapping: Mapping[str, Any], place: Path) -> dict[str, Any]:

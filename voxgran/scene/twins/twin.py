@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -16,12 +17,15 @@ from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
 from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import InputError
+from voxgran._base.files import as_path
+from voxgran._base.progress import OnStep, Step, numbered, repeated
 from voxgran._base.seeds import stream
 from voxgran._base.units import NO_UNIT
 from voxgran.containers.gravity import as_down, main_axis
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.model import Container, check_container
 from voxgran.packing.draw import Request
+from voxgran.packing.driver import check_drive
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.pack import pack
 from voxgran.scene.twins.compared import comparison_of
@@ -152,6 +156,9 @@ def twin(
     voxel_size: float | None = None,
     seed: int = 0,
     seeds: int = 1,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    on_step: OnStep | None = None,
     **parameters: Any,
 ) -> Twin:
     """Make a packing that equals a sample in the forms and sizes of its grains and in its solid fraction, at rest.
@@ -190,6 +197,14 @@ def twin(
         Seed of the grains and of the packing.
     seeds : int
         Number of packings, with the seeds `seed`, `seed` + 1 and so on, whose scatter is then known.
+    checkpoint : path-like, optional
+        File for checkpoints of the first packing, as in :func:`voxgran.pack`; those of the others have its name with
+        ``.1``, ``.2`` and so on behind it. They also hold packings that are finished.
+    resume : bool
+        Whether to go on from these files where they are there.
+    on_step : callable, optional
+        Told of each step; default: at a terminal and in a notebook, a line on the error stream every ten seconds,
+        elsewhere a record of the logger ``voxgran`` of the level INFO.
     **parameters
         Further parameters of the method of that name, such as ``friction``.
 
@@ -203,6 +218,12 @@ def twin(
     InputError
         If the sample has fewer than 10 whole grains, open surfaces, meshes of one shape only, in whatever sizes, or a
         solid fraction that rigid grains at rest cannot have; or if an option is out of range.
+    CheckpointError
+        If a checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
+    OutputError
+        If a checkpoint cannot be written.
+    Interrupted
+        On SIGINT, SIGTERM or SIGHUP: after a checkpoint was written.
 
     Warns
     -----
@@ -229,7 +250,18 @@ def twin(
         forms=forms, seed=seed, **parameters,
     )  # fmt: skip
     many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
-    return twin_of(asked, [asked.packed(asked.seed + k) for k in range(many)], voxel)
+    check_drive(checkpoint, resume, on_step, None)
+    places = [None] * many if checkpoint is None else checkpoints_of(as_path(checkpoint), many)
+    packings = [
+        asked.packed(asked.seed + k, checkpoint=place, resume=resume, on_step=numbered(on_step, k, many))
+        for k, place in enumerate(places)
+    ]
+    return twin_of(asked, packings, voxel)
+
+
+def checkpoints_of(first: Path, many: int) -> list[Path]:
+    """Return the checkpoints of so many packings, of which the first is given."""
+    return [first, *(first.with_name(f"{first.name}.{k}") for k in range(1, many))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,10 +342,12 @@ class TwinRequest:
             return found, None
         return found, learn_shapes(found.shapes, weights=found.weights, seed=self.seed)
 
-    def packed(self, seed: int, **run: Any) -> Packing:
+    def packed(self, seed: int, *, on_step: OnStep | None = None, **run: Any) -> Packing:
         """Return a twin with a seed, with options of the run of :func:`voxgran.pack`."""
-        asked = self._asked(seed, *self.learned)
-        return pack(**asked, **self.parameters, **run)
+        with repeated(on_step) as told:
+            told(Step(stage="learning", done=0, total=0, text="the shapes of the sample"))
+            asked = self._asked(seed, *self.learned)
+        return pack(**asked, **self.parameters, on_step=on_step, **run)
 
     def stand_in(self, seed: int) -> Request:
         """Return what is packed with the shapes of the sample themselves, which costs as much."""

@@ -94,7 +94,8 @@ def load_labels(
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
     on_step : callable, optional
-        Told of each grain; default: at a terminal and in a notebook, a line on the error stream every ten seconds.
+        Told of each grain; default: at a terminal and in a notebook, a line on the error stream every ten seconds,
+        elsewhere a record of the logger ``voxgran`` of the level INFO.
 
     Returns
     -------

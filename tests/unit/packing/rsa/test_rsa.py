@@ -10,7 +10,7 @@ from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
-from voxgran._base.errors import InputError, PackingWarning, TooLargeError
+from voxgran._base.errors import InputError, LongRunWarning, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
@@ -641,3 +641,9 @@ def test_the_largest_first_leaves_equal_sizes_in_their_order():
 def test_candidates_of_a_count_come_as_drawn():
     packing = vg.pack(vg.make_shape("sphere"), vg.Box((8, 8, 8)), method="rsa", count=20, sizes=LOGNORMAL)
     assert packing.provenance["parameters"]["order"] == "given"
+
+
+def test_shapes_that_are_not_convex_tell_their_time_before_they_are_placed():
+    rock, box = vg.make_shape("solid_union", seed=1), vg.Box((16, 16, 16))
+    with pytest.warns(LongRunWarning, match=r"'rsa' is expected to take about \d+ min: a lower solid fraction"):
+        vg.pack(rock, box, "rsa", count=2300, time_limit=0.0)
