@@ -13,9 +13,9 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, warn
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.progress import OnStep
-from voxgran.contacts.verify import TOLERANCE, verify
+from voxgran.contacts.verify import verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive
 from voxgran.packing.model import Packing, check_packing
@@ -30,7 +30,7 @@ from voxgran.packing.settling_run import (
     with_known_forces,
 )
 from voxgran.packing.start import around_fixed, free_volume
-from voxgran.settling.compression import TOUCHING, Compressor, too_narrow
+from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, with_friction
 from voxgran.settling.stress_balance import stress_of
@@ -105,17 +105,19 @@ def compress(
     Packing
         The same grains, in the same order, in the container as it is at the end, without gravity and lid. Its stop
         reason is ``"compressed"`` where at least the share `rest` of the grains that bear forces is in balance and the
-        stress is met to 1 %, ``"yielded"`` where they go on shearing at a constant volume, since they bear no
-        such ratio of stresses, else ``"steps"``. Its `forces` are in the unit of stress times the square of the median
-        diameter (in 2D times the diameter), their `stress` is the mean stress tensor, and their residuals are in mean
-        normal forces. The measure ``compression`` has the path: solid fraction, void ratio and stresses by step.
+        stress is met to 1 %, ``"yielded"`` where they go on shearing, since they bear no such ratio of stresses, else
+        ``"steps"``. Its `forces` are in the unit of stress times the square of the median diameter (in 2D times the
+        diameter), their `stress` is the mean stress tensor, and their residuals are in mean normal forces. The measure
+        ``compression`` has the path: solid fraction, void ratio and stresses by step.
 
     Raises
     ------
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
-        stretch together or are so unequal that the container shears until it is narrower than a grain, grains overlap
-        so deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
+        stretch together or by more than ten times what the densest grains bear with that friction, grains overlap so
+        deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
+    VoxgranError
+        If grains overlap at the end, where they bear no such stress, although the container has given way.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
@@ -128,8 +130,8 @@ def compress(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half
-        of them bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
+        If fewer grains than asked for are in balance, the stress is missed, fixed grains overlap, more than half of the
+        grains bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
         solid fraction is beyond what the grains are compressed to; the nearest packing is returned then.
 
     See Also
@@ -221,12 +223,17 @@ def _widths(packing: Packing) -> Floats:
     return np.asarray(np.ptp(packing.container.bounds, axis=0)[: packing.dimension])
 
 
+def _moving_axes(packing: Packing, asked: Mapping[str, Any]) -> list[int]:
+    """Return the axes along which a container is compressed."""
+    return [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+
+
 def _thin_axes(packing: Packing, asked: Mapping[str, Any]) -> Integers:
     """Return the axes along which a specimen is too narrow, of those that move.
 
     A cell that is compressed by one factor along all axes is as wide as its grains, of which the caller knows.
     """
-    moves = [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+    moves = _moving_axes(packing, asked)
     if len(moves) == packing.dimension and np.ptp(asked["stress"]) == 0.0:
         return np.zeros(0, dtype=np.int64)
     narrow = _widths(packing)[moves] < LEAST_WIDTH * float(packing.diameters[packing.movable].mean())
@@ -252,18 +259,14 @@ def _moved(packing: Packing, settler: Any) -> Packing:
         # it bore the stress already: not even the last bits change
         return replace(packing, contact_gap=TOUCHING * unit, forces=None)
     position, orientation = settler.bed.poses()
-    container = settler.bed.assembly.container.scaled(unit)
-    try:
-        return replace(
-            packing,
-            position=position * unit,
-            orientation=orientation,
-            container=container,
-            contact_gap=TOUCHING * unit,
-            forces=None,
-        )
-    except GrainTooLargeError:
-        raise too_narrow(settler.how) from None
+    return replace(
+        packing,
+        position=position * unit,
+        orientation=orientation,
+        container=settler.bed.assembly.container.scaled(unit),
+        contact_gap=TOUCHING * unit,
+        forces=None,
+    )
 
 
 def finished_compression(packing: Packing, state: SettleState) -> Packing:
@@ -297,13 +300,10 @@ def warn_of_imbalance(packing: Packing) -> None:
             "move with the walls: let them stand farther apart, or leave them free",
             PackingWarning,
         )
-    if record["smallest_gap"] < -TOLERANCE:
-        warn(
-            f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
-            PackingWarning,
-        )
-    elif packing.stop_reason == "yielded":
-        asked = np.asarray(record["parameters"]["stress"], dtype=np.float64)
+    if packing.stop_reason == "yielded":
+        asked = np.broadcast_to(record["parameters"]["stress"], packing.dimension)[
+            _moving_axes(packing, record["parameters"])
+        ]
         warn(
             f"the least axial stress that is asked for is {asked.min() / asked.max():.3g} of the largest one, and the "
             f"least that these grains bear is about {record['stress_ratio']:.2g} of it: they go on shearing at a "

@@ -26,7 +26,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import VoxgranError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
@@ -73,6 +73,13 @@ STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
 #: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
 SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
+#: shear strain at any volume from which on grains yield: what they bear then is what a few layers of them bear
+FLOWED = 1.0
+#: most strain of a step, in the largest one at the beginning: more only where stresses are missed by several times
+LARGEST = 2.0
+#: rounds in which a container gives way at the end until grains that have no room are apart, and the share of their
+#: overlap by which it is stretched in each
+GIVING_WAY, GIVES = 40, 0.25
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
 MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
@@ -136,8 +143,9 @@ class Compressor(Resumable):
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start
         self.modes = how.modes_of(assembly.container)
-        stress = how.stress_along(assembly.dimension)
-        # only ratios decide: forces here are in the largest stress
+        self._moves = np.diag(self.modes)[:3] > 0.0
+        stress = np.where(np.append(self._moves, [False] * 3), how.stress_along(assembly.dimension), 0.0)
+        # only ratios decide: forces here are in the largest stress along an axis that moves
         self.unit = float(stress.max())
         self.stress = stress / self.unit
         self.bed = Bed(assembly, np.zeros(3))
@@ -238,12 +246,11 @@ class Compressor(Resumable):
         )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
-        bed.move(accelerations * size, NEAR if exact else FAR)
         strain = accelerations[-1, :3] * size
-        if (strain <= -1.0).any():
-            raise too_narrow(self.how)
-        progress.factors *= 1.0 + strain
-        bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))
+        # gaps of a part of a step are between those before it and after it
+        part = min(1.0, LARGEST * pace.strain / max(float(np.abs(strain).max()), 1e-300))
+        bed.move(accelerations * (part * size), NEAR if exact else FAR)
+        self._stretch(1.0 + part * strain)
         if np.abs(strain).max() < CALM * pace.strain or self._goes_around():
             progress.mobility = max(LAST, pace.shrink * size)
         progress.yields = int(self._yields())
@@ -254,29 +261,59 @@ class Compressor(Resumable):
         if good and self._surfaces and not exact:
             progress.stage = CLOSING
             return
-        if progress.smallest < 0.0 and (good or last):
+        if progress.smallest < 0.0 and good:
             part_grains(bed, PARTED, ROUNDS)
             good = self._examine(QUICK) and progress.smallest >= 0.0
+        moved = last and not good and (progress.smallest < 0.0 or exact < self._surfaces)
+        if moved:
+            self._part_at_last()
         if good or last:
-            # nothing has moved since: the forces are at least as good afterwards
-            self._examine(THOROUGH, known=True)
+            # where nothing has moved since, the forces are at least as good afterwards
+            self._examine(THOROUGH, known=not moved)
             progress.stage = ENDED
+
+    def _stretch(self, factors: Floats) -> None:
+        """Stretch the container by factors (3,), and move the centroids with it."""
+        self.progress.factors *= factors
+        self.bed.stretch(factors, stretched(self.container, self.progress.factors.tolist()))
+
+    def _part_at_last(self) -> None:
+        """Part grains that are left without balance; where they have no room, the container gives way.
+
+        Raises
+        ------
+        VoxgranError
+            If they overlap even so.
+        """
+        bed = self.bed
+        self.progress.exact = int(self._surfaces)
+        bed.finders.exact = self._surfaces
+        for _ in range(GIVING_WAY):
+            part_grains(bed, PARTED, ROUNDS)
+            if (smallest := self._smallest_gap()) >= 0.0:
+                return
+            self._stretch(np.where(self._moves, 1.0 + GIVES * max(-smallest, PARTED), 1.0))
+        raise VoxgranError(
+            f"grains overlap by {-smallest:.2g} median diameters after {self.progress.step + 1} steps, although the "
+            "container gave way: begin with grains that are apart, or ask for more equal stresses"
+        )
 
     def _goes_around(self) -> bool:
         """Return whether a cell under an isotropic stress has gone on changing its shape, for long, but not its volume.
 
         Few grains that are a crystal would do so for ever with long steps.
         """
-        fraction, isotropic = self.progress.path[:, 0], not np.ptp(self.stress[: self.bed.assembly.dimension])
+        fraction, isotropic = self.progress.path[:, 0], not np.ptp(self.stress[:3][self._moves])
         return bool(isotropic and fraction[-2 * WINDOW :].max() <= fraction[: -2 * WINDOW].max(initial=0.0))
 
     def _yields(self) -> bool:
-        """Return whether the container has sheared for long without a change of volume."""
-        progress = self.progress
-        strain = libm.log(progress.factors / progress.before)[: self.bed.assembly.dimension]
+        """Return whether the container has sheared for long without a change of volume, or too far with one."""
+        progress, d = self.progress, self.bed.assembly.dimension
+        strain, moves = libm.log(progress.factors / progress.before)[:d], self._moves
         if abs(strain.sum()) > SAME_VOLUME:
             progress.before = progress.factors.copy()
-        return abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED
+        far = np.ptp(self.stress[:3][moves]) and np.ptp(libm.log(progress.factors[moves])) > FLOWED
+        return bool(far) or (abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED)
 
     def _ratio(self) -> float:
         """Return the ratio of the least to the largest axial stress, the mean of the last steps; 1 before the first."""
@@ -298,10 +335,7 @@ class Compressor(Resumable):
         Whether the surfaces are apart is noted too.  known: whether nothing has moved since the last examination.
         """
         progress, bed = self.progress, self.bed
-        bed.find(TOUCHING, 0.0)
-        smallest = float(bed.gap.min(initial=TOUCHING))
-        if bed.finders.crossing(bed.pairs, bed.grains):
-            smallest = min(smallest, -TOUCHING)
+        smallest = self._smallest_gap()
         load = self.stress * bed.assembly.container.volume
         found = balance_grains(
             bed, self.modes, load, friction=self.friction, tolerance=RESIDUAL, rounds=rounds, known=known
@@ -314,18 +348,17 @@ class Compressor(Resumable):
         progress.proven = int(balanced and smallest >= 0.0)
         return balanced
 
+    def _smallest_gap(self) -> float:
+        """Find contacts, and return the smallest gap; grains of which surfaces cross have one below 0."""
+        bed = self.bed
+        bed.find(TOUCHING, 0.0)
+        smallest = float(bed.gap.min(initial=TOUCHING))
+        return min(smallest, -TOUCHING) if bed.finders.crossing(bed.pairs, bed.grains) else smallest
+
     def _note(self, forces: Floats) -> None:
         """Add a row to the path."""
         row = [self._solid_fraction, *np.diag(stress_of(self.bed, forces))]
         self.progress.path = np.vstack([self.progress.path, row])
-
-
-def too_narrow(how: Compression) -> InputError:
-    """Return the error that the grains do not bear a stress, and sheared until none has room in the container."""
-    return InputError(
-        f"stress is {shown(how.stress)}: the grains do not bear it, and sheared until the container was narrower than "
-        "a grain; ask for more equal stresses, or begin with more grains"
-    )
 
 
 def _with_walls(friction: float | Materials | None, assembly: Assembly) -> float | Materials:

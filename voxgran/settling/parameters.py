@@ -4,6 +4,7 @@ The parameters of settling say how grains fall, rub, are shaken and pressed, and
 compression are the stress, the axes that move, friction, and what counts as balanced.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, TypeVar
 
@@ -16,12 +17,15 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
 from voxgran.containers.stretch import stretched_together
-from voxgran.settling.materials import USUAL_FRICTION, Materials, as_friction
+from voxgran.settling.materials import ROUGH, USUAL_FRICTION, Materials, as_friction, largest_friction
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
 #: largest weight of a lid under which beds were seen to come to rest, in weights of all grains
 HEAVIEST = 100.0
+#: dilatancy factor of the densest grains (Rowe 1962, doi:10.1098/rspa.1962.0193), and by how many times grains may be
+#: asked to bear more than that: few ones, and grains that interlock, do
+DENSEST, ROOM = 2.0, 10.0
 #: longest times, in sqrt(d / g): no run of so many steps ends
 LONGEST = 1e6
 
@@ -247,8 +251,8 @@ class Compression:
         Raises
         ------
         InputError
-            If none of its walls moves along the axes, stresses differ along axes that stretch together, or there is a
-        height and other axes move.
+            If none of its walls moves along the axes, stresses differ along axes that stretch together or by far more
+            than grains bear, or there is a height and other axes move.
         """
         stress, modes = self.stress_along(container.dimension), np.zeros((6, 6))
         last = "xyz"[container.dimension - 1]
@@ -273,7 +277,29 @@ class Compression:
             raise InputError(
                 f"axes is {self.axes!r}: a {container.kind} is compressed along {names} only; name one of them"
             )
+        self._refuse_unbearable(stress[np.diag(modes) > 0.0])
         return modes
+
+    def _refuse_unbearable(self, stress: Floats) -> None:
+        """Refuse stresses along moving axes (k,) of which the least is too small.
+
+        Grains bear a ratio of the largest to the least principal stress of up to ``D tan(45 deg + angle / 2)^2``
+        (Rowe 1962), with the angle of friction at a contact, and a dilatancy factor D of 1 to 2.
+
+        Raises
+        ------
+        InputError
+            If it is.
+        """
+        usual = with_friction(self).friction
+        friction = ROUGH if usual is None else largest_friction(usual)
+        bears, asked = DENSEST * (math.sqrt(1.0 + friction**2) + friction) ** 2, float(stress.max() / stress.min())
+        if asked > ROOM * bears:
+            raise InputError(
+                f"stress is {shown(self.stress)}: the largest is {asked:.3g} times the least along an axis that moves, "
+                f"and the densest grains with a friction of {friction:g} bear up to {bears:.3g} times (Rowe 1962); ask "
+                f"for more equal stresses, up to {ROOM * bears:.3g} times, or leave axes out that need not move"
+            )
 
 
 How = TypeVar("How", Settling, Compression)

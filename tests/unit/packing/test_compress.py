@@ -296,13 +296,6 @@ def test_bad_input_is_refused_in_one_sentence(container, given, words):
         vg.compress(loose, **given)
 
 
-def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refused():
-    # bars: spheres end in other ways too, as a chain or by yielding
-    loose = loose_grains(vg.make_shape("box", lengths=(1.6, 0.8, 0.8)), count=15)
-    with pytest.raises(InputError, match="narrower than a grain; ask for more equal stresses"):
-        vg.compress(loose, stress=(1e-9, 1, 1))
-
-
 @pytest.mark.slow
 def test_a_solid_fraction_out_of_reach_is_told():
     with pytest.warns(PackingWarning, match="0.75"):
