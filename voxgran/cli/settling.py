@@ -149,6 +149,7 @@ def _compressed_summary(before: Packing, after: Packing) -> dict[str, Any]:
         found = after.measure("forces")
         axial = np.diag(after.forces.stress)[: after.dimension]
         numbers |= {f"stress_{axis}": float(value) for axis, value in zip("xyz", axial, strict=False)}
+        numbers["shear_ratio"] = record.get("shear_ratio")
         numbers["coordination_by_forces"] = float(found["coordination_by_forces"])
         numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
     return numbers | {"stop_reason": after.stop_reason}

@@ -6,7 +6,7 @@ The work is that of :mod:`voxgran.settling.compression`; here it becomes a run l
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -35,6 +35,8 @@ from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, with_friction
 from voxgran.settling.stress_balance import stress_of
 
+#: largest shear stress, in the mean axial one, of which nothing is said
+MOST_SHEAR = 0.05
 #: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
 #: diameters
 MOST_RATTLERS, LEAST_WIDTH = 0.5, 3.0
@@ -46,6 +48,7 @@ def compress(
     *,
     stress: float | Sequence[float] = 1.0,
     axes: str = "xyz",
+    shear: Literal["held", "free"] | None = None,
     friction: float | Materials | None = None,
     solid_fraction: float | None = None,
     height: float | None = None,
@@ -74,6 +77,11 @@ def compress(
     axes : str
         Axes along which the container is compressed: ``"z"`` is an oedometric path, in which the others stay as they
         are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
+    shear : str, optional
+        ``"held"``: the angles of the container stay as they are, and its shear stresses are a result, the larger the
+        fewer grains there are. ``"free"``: the cell tilts along each two periodic axes that move, until it has no shear
+        stress there. Default: held, with a warning where a cell that might tilt has more than 0.05 of the mean axial
+        stress.
     friction : float or Materials, optional
         Coulomb coefficient of friction between grains and at walls, from 0 to 2, or a table of materials, whose pairs
         have one each. A coefficient above 0.7 is that between grains only: at walls it is 0.7, since in corners of
@@ -157,8 +165,8 @@ def compress(
     """
     check_packing(packing, "packing")
     given = {
-        "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "height": height,
-        "rate": rate, "rest": rest,
+        "stress": stress, "axes": axes, "shear": shear, "friction": friction, "solid_fraction": solid_fraction,
+        "height": height, "rate": rate, "rest": rest,
     }  # fmt: skip
     how = with_friction(from_mapping(Compression, given, "compress"))
     how.refuse_known_friction()
@@ -333,6 +341,14 @@ def warn_of_imbalance(packing: Packing) -> None:
             f"the container is {wide:.2g} mean diameters wide along {'xyz'[axis]} now, and a specimen of less than "
             f"{LEAST_WIDTH:g} has the stress of a few layers of grains: begin with a container that is longer along "
             f"{'xyz'[axis]}, with more grains, or ask for more equal stresses",
+            PackingWarning,
+        )
+    wrap = sum(packing.container.periodic[axis] for axis in _moving_axes(packing, record["parameters"]))
+    told = record["parameters"]["shear"] is None and packing.stop_reason == "compressed"
+    if told and wrap > 1 and record["shear_ratio"] > MOST_SHEAR:
+        warn(
+            f"the largest shear stress is {record['shear_ratio']:.2g} of the mean axial stress, since the angles of "
+            "the cell are held: let it tilt with shear='free', take more grains, or accept it with shear='held'",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:

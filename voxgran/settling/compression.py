@@ -7,6 +7,9 @@ sought with which no gap closes, as in a quasi-static step under gravity. All fo
 the factor that serves best, since the strain of the container is the slowest mode. Once it hardly strains, steps become
 shorter until surfaces keep their distance and the forces balance.
 
+Where shear is free, a periodic cell tilts too, until it has no shear stresses. Its first edge stays along x, and its
+second one in the plane of x and y, so that it turns with all grains by half of the shear strain.
+
 Fixed grains move with the mean strain, as points of the container, and do not turn.
 
 Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
@@ -32,7 +35,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
-from voxgran.containers.stretch import stretched
+from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
@@ -45,6 +48,7 @@ from voxgran.settling.stress_balance import (
     evenly,
     keep_known_forces,
     pressed_forces,
+    shear_ratio,
     stress_of,
     without_weight,
 )
@@ -110,8 +114,8 @@ class Progress:
     moving: float = 1.0  # share of the grains that bear forces, and are not in balance
     smallest: float = 0.0  # gap, when last examined
     missed: float = 1.0  # relative difference of the stress from the one that is asked for
-    factors: Floats = field(default_factory=lambda: np.ones(3))  # by which the container was stretched
-    before: Floats = field(default_factory=lambda: np.ones(3))  # the same when it last had another volume
+    gradient: Floats = field(default_factory=lambda: np.eye(3))  # by which the container was deformed
+    before: Floats = field(default_factory=lambda: np.ones(3))  # its diagonal when it last had another volume
     yields: int = 0  # whether it goes on shearing without a change of volume
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
     bearing: Floats = field(default_factory=lambda: np.zeros(0))  # 1 where a grain bears forces
@@ -199,6 +203,7 @@ class Compressor(Resumable):
             "smallest_gap": progress.smallest,
             "stress_error": progress.missed,
             "stress_ratio": self._ratio(),
+            "shear_ratio": shear_ratio(stress_of(self.bed, self.bed.forces()), self.bed.assembly.dimension),
             "path": (progress.path * np.array([1.0, self.unit, self.unit, self.unit])).tolist(),
         }
 
@@ -216,7 +221,7 @@ class Compressor(Resumable):
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""
         super().restore(arrays, counters)
-        self.bed.move_walls(stretched(self.container, self.progress.factors.tolist()))
+        self.bed.move_walls(deformed(self.container, self.progress.gradient))
 
     def _begin(self) -> None:
         """Examine the grains before any of them moves: a packing that bears the stress stays as it is."""
@@ -246,11 +251,15 @@ class Compressor(Resumable):
         )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
-        strain = accelerations[-1, :3] * size
         # gaps of a part of a step are between those before it and after it
+        strain = accelerations[-1] * size
         part = min(1.0, LARGEST * pace.strain / max(float(np.abs(strain).max()), 1e-300))
-        bed.move(accelerations * (part * size), NEAR if exact else FAR)
-        self._stretch(1.0 + part * strain)
+        yz, xz, xy = part * strain[3:]
+        motion = accelerations * (part * size)
+        # the edges of a cell that tilts turn, so that the first one stays along x
+        motion[:-1, 3:] += bed.movable[:, None] * (0.5 * np.array([-yz, xz, -xy]))
+        bed.move(motion, NEAR if exact else FAR)
+        self._deform(np.diag(1.0 + part * strain[:3]) + np.array([[0.0, xy, xz], [0.0, 0.0, yz], [0.0, 0.0, 0.0]]))
         if np.abs(strain).max() < CALM * pace.strain or self._goes_around():
             progress.mobility = max(LAST, pace.shrink * size)
         progress.yields = int(self._yields())
@@ -272,10 +281,10 @@ class Compressor(Resumable):
             self._examine(THOROUGH, known=not moved)
             progress.stage = ENDED
 
-    def _stretch(self, factors: Floats) -> None:
-        """Stretch the container by factors (3,), and move the centroids with it."""
-        self.progress.factors *= factors
-        self.bed.stretch(factors, stretched(self.container, self.progress.factors.tolist()))
+    def _deform(self, gradient: Floats) -> None:
+        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it."""
+        self.progress.gradient = linear.matmul(gradient, self.progress.gradient)
+        self.bed.deform(gradient, deformed(self.container, self.progress.gradient))
 
     def _part_at_last(self) -> None:
         """Part grains that are left without balance; where they have no room, the container gives way.
@@ -292,7 +301,7 @@ class Compressor(Resumable):
             part_grains(bed, PARTED, ROUNDS)
             if (smallest := self._smallest_gap()) >= 0.0:
                 return
-            self._stretch(np.where(self._moves, 1.0 + GIVES * max(-smallest, PARTED), 1.0))
+            self._deform(np.diag(np.where(self._moves, 1.0 + GIVES * max(-smallest, PARTED), 1.0)))
         raise VoxgranError(
             f"grains overlap by {-smallest:.2g} median diameters after {self.progress.step + 1} steps, although the "
             "container gave way: begin with grains that are apart, or ask for more equal stresses"
@@ -309,10 +318,11 @@ class Compressor(Resumable):
     def _yields(self) -> bool:
         """Return whether the container has sheared for long without a change of volume, or too far with one."""
         progress, d = self.progress, self.bed.assembly.dimension
-        strain, moves = libm.log(progress.factors / progress.before)[:d], self._moves
+        factors, moves = progress.gradient.diagonal(), self._moves
+        strain = libm.log(factors / progress.before)[:d]
         if abs(strain.sum()) > SAME_VOLUME:
-            progress.before = progress.factors.copy()
-        far = np.ptp(self.stress[:3][moves]) and np.ptp(libm.log(progress.factors[moves])) > FLOWED
+            progress.before = factors.copy()
+        far = np.ptp(self.stress[:3][moves]) and np.ptp(libm.log(factors[moves])) > FLOWED
         return bool(far) or (abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED)
 
     def _ratio(self) -> float:

@@ -6,6 +6,7 @@ compression are the stress, the axes that move, friction, and what counts as bal
 
 import math
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
@@ -162,6 +163,10 @@ class Compression:
         the grains lie; along axes that do not move it is not prescribed.
     axes
         axes along which the container is compressed, such as "z" for an oedometric path.
+    shear
+        "held": the angles of the container stay as they are, and its shear stresses are a result; "free": a cell tilts
+        along each two periodic axes that move, until it has no shear stress there; if omitted, held, with a warning
+        where a cell that might tilt has a shear stress above 0.05 of the mean axial one.
     friction
         Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing; or a table of
         materials, with one friction for each pair; if omitted, 0.5, or the one that gives a solid fraction or a height
@@ -191,6 +196,7 @@ class Compression:
 
     stress: float | tuple[float, ...] = parameter(1.0, above=0.0, at_most=1e60)
     axes: str = parameter("xyz")
+    shear: Literal["held", "free"] | None = parameter(None)
     friction: float | Materials | None = parameter(None, at_least=0.0, at_most=MOST_FRICTION)
     solid_fraction: float | None = parameter(None, above=0.0, at_most=1.0)
     height: float | None = parameter(None, above=0.0)
@@ -277,7 +283,17 @@ class Compression:
             raise InputError(
                 f"axes is {self.axes!r}: a {container.kind} is compressed along {names} only; name one of them"
             )
-        self._refuse_unbearable(stress[np.diag(modes) > 0.0])
+        self._refuse_unbearable(stress[:3][np.diag(modes)[:3] > 0.0])
+        if self.shear == "free":
+            wrap = [axis for axis in sorted(free) if container.periodic[axis]]
+            # of the six strains those of yz, xz and xy come last
+            pairs = [6 - a - b for a, b in combinations(wrap, 2)]
+            if not pairs:
+                raise InputError(
+                    f"shear is 'free', the periodic axes of the {container.kind} are {container.periodic}, and axes is "
+                    f"{self.axes!r}: a cell tilts along two periodic axes that move; leave shear out"
+                )
+            modes[pairs, pairs] = 1.0
         return modes
 
     def _refuse_unbearable(self, stress: Floats) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 from voxgran._base.errors import InputError
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.model import Packing
+from voxgran.settling.stress_balance import shear_ratio
 
 
 def _compute(packing: Packing) -> Groups:
@@ -22,8 +23,7 @@ def _compute(packing: Packing) -> Groups:
             "measure out"
         )
     d, stress = packing.dimension, forces.stress
-    axial = np.diag(stress)[:d]
-    shear = np.abs(stress - np.diag(np.diag(stress))).max()
+    axial, shear = np.diag(stress)[:d], shear_ratio(stress, d)
     # the pressure of a path that was not recorded is that of its end
     path = np.array(packing.provenance.get("compression", {}).get("path", [])).reshape(-1, 4)
     fraction, along = path[:, 0], path[:, 1 : 1 + d]
@@ -32,7 +32,8 @@ def _compute(packing: Packing) -> Groups:
         "void_ratio": variable((), 1.0 / packing.solid_fraction - 1.0, "1", "volume of the voids over that of grains"),
         "pressure": variable((), axial.mean(), unit, "mean of the axial stresses"),
         "stress_ratio": variable((), axial.min() / axial.max(), "1", "least axial stress over the largest one"),
-        "largest_shear_stress": variable((), shear, unit, "largest shear stress in the axes of the container"),
+        "shear_ratio": variable((), shear, "1", "largest shear stress in the axes x, y, z over the pressure"),
+        "largest_shear_stress": variable((), shear * axial.mean(), unit, "largest shear stress in the axes x, y, z"),
     }
     axes = ("compression_step", "axis")
     arrays = {
