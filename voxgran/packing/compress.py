@@ -16,7 +16,7 @@ from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import verify
-from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
+from voxgran.packing.beds.search import ENOUGH, REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.settling_run import (
@@ -51,6 +51,9 @@ def compress(
     shear: Literal["held", "free"] | None = None,
     friction: float | Materials | None = None,
     solid_fraction: float | None = None,
+    porosity: float | None = None,
+    void_ratio: float | None = None,
+    region: Literal["specimen", "bulk"] = "specimen",
     height: float | None = None,
     rate: float | None = None,
     rest: float = 0.98,
@@ -88,7 +91,13 @@ def compress(
         walls grains would wedge. Default: 0.5, or the friction that gives `solid_fraction` or `height`.
     solid_fraction : float, optional
         Solid fraction of the result, met to 0.002: the friction from 0 to 1 is found that gives it, and none may
-        be given. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
+        be given. Default: as the friction gives it.
+    porosity, void_ratio : float, optional
+        In place of the solid fraction: 1 minus it, or the volume of the voids over that of the grains.
+    region : str
+        Where the solid fraction is measured: ``"specimen"``, from wall to wall, as a laboratory does, or ``"bulk"``,
+        away from the walls, near which grains are looser (``bulk_solid_fraction`` of :func:`voxgran.measure`, in
+        specimens of at least 75 grains there).
     height : float, optional
         Height of the container at the end, along its last axis, in the unit of lengths, in place of a solid fraction,
         with ``axes="z"`` (in 2D ``"y"``): the friction is found that gives it; default: as the friction gives it.
@@ -166,7 +175,7 @@ def compress(
     check_packing(packing, "packing")
     given = {
         "stress": stress, "axes": axes, "shear": shear, "friction": friction, "solid_fraction": solid_fraction,
-        "height": height, "rate": rate, "rest": rest,
+        "porosity": porosity, "void_ratio": void_ratio, "region": region, "height": height, "rate": rate, "rest": rest,
     }  # fmt: skip
     how = with_friction(from_mapping(Compression, given, "compress"))
     how.refuse_known_friction()
@@ -194,7 +203,7 @@ def begun_compression(packing: Packing, how: Compression) -> SettleState:
     assembly, unit = normalized_assembly(packing)
     forces = packing.forces
     start = None if forces is None or forces.stress is None else forces.scaled(1.0 / unit)
-    how, whole = with_friction(how), how.height is not None
+    how, whole = with_friction(how), how.region == "specimen" or how.height is not None
     if how.height is not None:
         how = replace(how, solid_fraction=_fraction_at(packing, how.height), height=None)
     settler: Moving = Compressor(assembly, how, start)
@@ -351,10 +360,17 @@ def warn_of_imbalance(packing: Packing) -> None:
             "the cell are held: let it tilt with shear='free', take more grains, or accept it with shear='held'",
             PackingWarning,
         )
-    if not (sought := record.get("sought", {"met": True}))["met"]:
+    sought = record.get("sought", {"met": True})
+    if not sought["met"]:
         what = "the packing"
-        if sought["measure"] == REGIONS[WHOLE]:
+        if sought["measure"] == REGIONS[WHOLE] and record["parameters"]["axes"] == "xyz"[packing.dimension - 1]:
             height = _height_of(packing)
             asked = height * sought["reached"] / sought["solid_fraction"]
             what += f", whose height is {height:.4g} instead of {asked:.4g},"
         warn(sentence_of(sought, what, "are compressed to"), PackingWarning)
+    if record["parameters"]["region"] == "bulk" and sought.get("measure") == REGIONS[WHOLE]:
+        warn(
+            f"region is 'bulk', which holds fewer than {ENOUGH} grains: the solid fraction is that of the specimen; "
+            "take more grains, or leave region out",
+            PackingWarning,
+        )

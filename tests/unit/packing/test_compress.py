@@ -178,6 +178,33 @@ def test_a_solid_fraction_is_met_by_the_friction():
     assert found.verify().ok
 
 
+@pytest.mark.parametrize("seed", [0, slow(1)])
+def test_the_solid_fraction_of_a_specimen_between_walls_is_that_from_wall_to_wall(seed):
+    loose = loose_grains(container=vg.Box((5, 5, 5)), count=60, seed=seed)
+    by_fraction, by_void_ratio = vg.compress(loose, solid_fraction=0.46), vg.compress(loose, void_ratio=0.54 / 0.46)
+    sought = by_fraction.provenance["compression"]["sought"]
+    assert (sought["met"], sought["measure"]) == (True, "solid_fraction")
+    assert by_fraction.solid_fraction == pytest.approx(0.46, abs=0.002)
+    assert by_void_ratio.solid_fraction == pytest.approx(0.46, abs=0.002)
+
+
+@pytest.mark.slow
+def test_the_solid_fraction_of_the_bulk_is_met_away_from_the_walls():
+    loose = loose_grains(container=vg.Box((10, 10, 10)), count=600)
+    found = vg.compress(loose, solid_fraction=0.6, region="bulk")
+    sought = found.provenance["compression"]["sought"]
+    assert (sought["met"], sought["measure"]) == (True, "bulk_solid_fraction")
+    assert float(found.measure("density").bulk_solid_fraction) == pytest.approx(0.6, abs=0.002)
+    assert found.solid_fraction < 0.58
+
+
+def test_a_bulk_of_few_grains_is_told():
+    loose = loose_grains(container=vg.Box((5, 5, 5)), count=45)
+    with pytest.warns(PackingWarning, match="region is 'bulk', which holds fewer than 75 grains"):
+        specimen = vg.compress(loose, solid_fraction=0.46, region="bulk")
+    assert specimen.provenance["compression"]["sought"]["measure"] == "solid_fraction"
+
+
 @pytest.mark.slow
 def test_a_height_is_met_by_the_friction():
     slab = loose_grains(container=vg.Box((4, 4, 12), periodic="xy"), count=80)
