@@ -327,6 +327,27 @@ def test_the_path_and_the_stress_are_measured_and_saved(tmp_path):
         loose_grains().measure("compression")
 
 
+@pytest.mark.parametrize(
+    ("name", "seed"), [("cylinder", 0), ("cylinder", 1), ("walls", 0), ("sphere", 0), ("circle", 0)]
+)
+def test_the_stress_at_each_wall_is_told(name, seed):
+    shape, container, more = SCENES[name]
+    specimen = vg.compress(loose_grains(shape.scaled(1 / shape.diameter), container, seed=seed, **more), friction=0.4)
+    told = specimen.measure("compression")
+    walls = {key.removeprefix("stress_at_"): float(told[key]) for key in told.data_vars if key.startswith("stress_at_")}
+    ends = [walls.pop(f"z_{side}") for side in ("low", "high")] if name in ("cylinder", "walls") else []
+    # the stress tensor has the mean over the volume; what the side walls hold back, the ends do not bear alike
+    assert all(value == pytest.approx(1.0, abs=0.3) for value in [*walls.values(), *ends])
+    sides = {"cylinder": {"round"}, "walls": {f"{a}_{side}" for a in "xy" for side in ("low", "high")}}
+    assert set(walls) == sides.get(name, {"round"})
+    if ends:
+        # the forces on all grains are in balance: friction at the side walls makes up for the difference of the ends
+        forces, area = specimen.forces, specimen.container.volume / np.ptp(specimen.container.bounds, axis=0)[2]
+        side = (forces.j == -1) & (np.abs(forces.normal[:, 2]) < 0.5)
+        lift = forces.force[side, 2].sum() * np.median(specimen.diameters) ** 2 / area
+        assert ends[1] - ends[0] == pytest.approx(-lift, abs=0.01)
+
+
 def test_a_specimen_in_balance_under_another_stress_is_compressed_on():
     once = vg.compress(loose_grains(), friction=0.4)
     again = vg.compress(once, friction=0.4, stress=(1.0, 1.0, 1.5))
