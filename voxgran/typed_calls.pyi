@@ -39,6 +39,8 @@ NumberRange = Number | Sequence[Number]
 class PackKeywords(TypedDict, total=False):
     count: Whole | None
     solid_fraction: Number | None
+    porosity: Number | None
+    void_ratio: Number | None
     sizes: SizeDistribution | None
     grains: Any
     weights: ArrayLike | None
@@ -66,7 +68,9 @@ class ApollonianKeywords(PackKeywords, total=False):
 class CompressionKeywords(PackKeywords, total=False):
     stress: Number | (Sequence[Number] | NDArray[Any])
     axes: str
+    shear: Literal['held', 'free'] | None
     friction: Number | Materials | None
+    region: Literal['specimen', 'bulk']
     height: Number | None
     rate: Number | None
     rest: Number

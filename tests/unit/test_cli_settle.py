@@ -109,6 +109,7 @@ def test_each_parameter_of_settling_has_a_flag():
     words = ["settle", "a.vtp", "-o", "b.vtp"]
     assert parameters_given(parse(words, COMMANDS), Settling) == {}
     given = {"friction": 0.2, "restitution": 0.1, "fall_time": 3, "rest": 0.9, "parts": "hulls", "solid_fraction": 0.6}
+    given |= {"porosity": 0.4, "void_ratio": 0.7}
     groups = {"shaking": (Shaking, {"acceleration": 2, "duration": 4}), "lid": (Lid, {"weight": 0.5})}
     assert {*given, *groups} == {item.name for item in parameters_of(Settling)}
     for name, value in given.items():

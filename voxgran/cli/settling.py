@@ -19,6 +19,7 @@ from voxgran.cli.parameters import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.containers.gravity import as_down, proposed_axis
 from voxgran.io.files import check_savable
+from voxgran.measures.registered.compression import wall_stresses
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Compression, Settling
@@ -163,6 +164,8 @@ def _compressed_summary(before: Packing, after: Packing) -> dict[str, Any]:
         found = after.measure("forces")
         axial = np.diag(after.forces.stress)[: after.dimension]
         numbers |= {f"stress_{axis}": float(value) for axis, value in zip("xyz", axial, strict=False)}
+        numbers["shear_ratio"] = record.get("shear_ratio")
+        numbers |= {f"stress_at_{name}": value for name, value in wall_stresses(after).items()}
         numbers["coordination_by_forces"] = float(found["coordination_by_forces"])
         numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
     return numbers | {"stop_reason": after.stop_reason}

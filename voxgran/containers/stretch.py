@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count
+from voxgran._base.arithmetic import linear
+from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.errors import InputError, shown
 from voxgran._base.scalars import whole_number_of
 from voxgran.containers.model import Container, boundary_of, make_container
@@ -52,6 +53,20 @@ def stretched(container: Container, factors: Sequence[float]) -> Container:
         else:
             mapping[name] = value * factors[along[0]]
     return make_container(mapping)
+
+
+def deformed(container: Container, gradient: Floats) -> Container:
+    """Return a container whose coordinates are multiplied by an upper triangular matrix (3, 3).
+
+    Only boxes and rectangles that are periodic along both axes of a number beside the diagonal have one that is not 0.
+    """
+    if not np.triu(gradient, 1).any():
+        return stretched(container, gradient.diagonal().tolist())
+    mapping, d = container.to_mapping(), container.dimension
+    turned = gradient[:d, :d].T
+    vectors = linear.matmul(np.asarray(container.vectors), turned)  # type: ignore[attr-defined]
+    mapping |= {"lengths": vectors.diagonal().tolist(), "tilt": vectors[np.tril_indices(d, -1)].tolist()}
+    return make_container(mapping | {"origin": linear.matmul(np.array(mapping["origin"]), turned).tolist()})
 
 
 def repeated(container: Container, repeats: Any) -> tuple[Container, Integers]:

@@ -6,17 +6,17 @@ The work is that of :mod:`voxgran.settling.compression`; here it becomes a run l
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, warn
+from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.progress import OnStep
-from voxgran.contacts.verify import TOLERANCE, verify
-from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
+from voxgran.contacts.verify import verify
+from voxgran.packing.beds.search import ENOUGH, REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.settling_run import (
@@ -30,11 +30,13 @@ from voxgran.packing.settling_run import (
     with_known_forces,
 )
 from voxgran.packing.start import around_fixed, free_volume
-from voxgran.settling.compression import TOUCHING, Compressor, too_narrow
+from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, with_friction
 from voxgran.settling.stress_balance import stress_of
 
+#: largest shear stress, in the mean axial one, of which nothing is said
+MOST_SHEAR = 0.05
 #: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
 #: diameters
 MOST_RATTLERS, LEAST_WIDTH = 0.5, 3.0
@@ -46,8 +48,12 @@ def compress(
     *,
     stress: float | Sequence[float] = 1.0,
     axes: str = "xyz",
+    shear: Literal["held", "free"] | None = None,
     friction: float | Materials | None = None,
     solid_fraction: float | None = None,
+    porosity: float | None = None,
+    void_ratio: float | None = None,
+    region: Literal["specimen", "bulk"] = "specimen",
     height: float | None = None,
     rate: float | None = None,
     rest: float = 0.98,
@@ -74,13 +80,24 @@ def compress(
     axes : str
         Axes along which the container is compressed: ``"z"`` is an oedometric path, in which the others stay as they
         are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
+    shear : str, optional
+        ``"held"``: the angles of the container stay as they are, and its shear stresses are a result, the larger the
+        fewer grains there are. ``"free"``: the cell tilts along each two periodic axes that move, until it has no shear
+        stress there. Default: held, with a warning where a cell that might tilt has more than 0.05 of the mean axial
+        stress.
     friction : float or Materials, optional
         Coulomb coefficient of friction between grains and at walls, from 0 to 2, or a table of materials, whose pairs
         have one each. A coefficient above 0.7 is that between grains only: at walls it is 0.7, since in corners of
         walls grains would wedge. Default: 0.5, or the friction that gives `solid_fraction` or `height`.
     solid_fraction : float, optional
         Solid fraction of the result, met to 0.002: the friction from 0 to 1 is found that gives it, and none may
-        be given. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
+        be given. Default: as the friction gives it.
+    porosity, void_ratio : float, optional
+        In place of the solid fraction: 1 minus it, or the volume of the voids over that of the grains.
+    region : str
+        Where the solid fraction is measured: ``"specimen"``, from wall to wall, as a laboratory does, or ``"bulk"``,
+        away from the walls, near which grains are looser (``bulk_solid_fraction`` of :func:`voxgran.measure`, in
+        specimens of at least 75 grains there).
     height : float, optional
         Height of the container at the end, along its last axis, in the unit of lengths, in place of a solid fraction,
         with ``axes="z"`` (in 2D ``"y"``): the friction is found that gives it; default: as the friction gives it.
@@ -105,17 +122,19 @@ def compress(
     Packing
         The same grains, in the same order, in the container as it is at the end, without gravity and lid. Its stop
         reason is ``"compressed"`` where at least the share `rest` of the grains that bear forces is in balance and the
-        stress is met to 1 %, ``"yielded"`` where they go on shearing at a constant volume, since they bear no
-        such ratio of stresses, else ``"steps"``. Its `forces` are in the unit of stress times the square of the median
-        diameter (in 2D times the diameter), their `stress` is the mean stress tensor, and their residuals are in mean
-        normal forces. The measure ``compression`` has the path: solid fraction, void ratio and stresses by step.
+        stress is met to 1 %, ``"yielded"`` where they go on shearing, since they bear no such ratio of stresses, else
+        ``"steps"``. Its `forces` are in the unit of stress times the square of the median diameter (in 2D times the
+        diameter), their `stress` is the mean stress tensor, and their residuals are in mean normal forces. The measure
+        ``compression`` has the path: solid fraction, void ratio and stresses by step.
 
     Raises
     ------
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
-        stretch together or are so unequal that the container shears until it is narrower than a grain, grains overlap
-        so deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
+        stretch together or by more than ten times what the densest grains bear with that friction, grains overlap so
+        deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
+    VoxgranError
+        If grains overlap at the end, where they bear no such stress, although the container has given way.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
@@ -128,8 +147,8 @@ def compress(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half
-        of them bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
+        If fewer grains than asked for are in balance, the stress is missed, fixed grains overlap, more than half of the
+        grains bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
         solid fraction is beyond what the grains are compressed to; the nearest packing is returned then.
 
     See Also
@@ -155,8 +174,8 @@ def compress(
     """
     check_packing(packing, "packing")
     given = {
-        "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "height": height,
-        "rate": rate, "rest": rest,
+        "stress": stress, "axes": axes, "shear": shear, "friction": friction, "solid_fraction": solid_fraction,
+        "porosity": porosity, "void_ratio": void_ratio, "region": region, "height": height, "rate": rate, "rest": rest,
     }  # fmt: skip
     how = with_friction(from_mapping(Compression, given, "compress"))
     how.refuse_known_friction()
@@ -184,7 +203,7 @@ def begun_compression(packing: Packing, how: Compression) -> SettleState:
     assembly, unit = normalized_assembly(packing)
     forces = packing.forces
     start = None if forces is None or forces.stress is None else forces.scaled(1.0 / unit)
-    how, whole = with_friction(how), how.height is not None
+    how, whole = with_friction(how), how.region == "specimen" or how.height is not None
     if how.height is not None:
         how = replace(how, solid_fraction=_fraction_at(packing, how.height), height=None)
     settler: Moving = Compressor(assembly, how, start)
@@ -221,12 +240,17 @@ def _widths(packing: Packing) -> Floats:
     return np.asarray(np.ptp(packing.container.bounds, axis=0)[: packing.dimension])
 
 
+def _moving_axes(packing: Packing, asked: Mapping[str, Any]) -> list[int]:
+    """Return the axes along which a container is compressed."""
+    return [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+
+
 def _thin_axes(packing: Packing, asked: Mapping[str, Any]) -> Integers:
     """Return the axes along which a specimen is too narrow, of those that move.
 
     A cell that is compressed by one factor along all axes is as wide as its grains, of which the caller knows.
     """
-    moves = [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+    moves = _moving_axes(packing, asked)
     if len(moves) == packing.dimension and np.ptp(asked["stress"]) == 0.0:
         return np.zeros(0, dtype=np.int64)
     narrow = _widths(packing)[moves] < LEAST_WIDTH * float(packing.diameters[packing.movable].mean())
@@ -252,18 +276,14 @@ def _moved(packing: Packing, settler: Any) -> Packing:
         # it bore the stress already: not even the last bits change
         return replace(packing, contact_gap=TOUCHING * unit, forces=None)
     position, orientation = settler.bed.poses()
-    container = settler.bed.assembly.container.scaled(unit)
-    try:
-        return replace(
-            packing,
-            position=position * unit,
-            orientation=orientation,
-            container=container,
-            contact_gap=TOUCHING * unit,
-            forces=None,
-        )
-    except GrainTooLargeError:
-        raise too_narrow(settler.how) from None
+    return replace(
+        packing,
+        position=position * unit,
+        orientation=orientation,
+        container=settler.bed.assembly.container.scaled(unit),
+        contact_gap=TOUCHING * unit,
+        forces=None,
+    )
 
 
 def finished_compression(packing: Packing, state: SettleState) -> Packing:
@@ -297,13 +317,10 @@ def warn_of_imbalance(packing: Packing) -> None:
             "move with the walls: let them stand farther apart, or leave them free",
             PackingWarning,
         )
-    if record["smallest_gap"] < -TOLERANCE:
-        warn(
-            f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
-            PackingWarning,
-        )
-    elif packing.stop_reason == "yielded":
-        asked = np.asarray(record["parameters"]["stress"], dtype=np.float64)
+    if packing.stop_reason == "yielded":
+        asked = np.broadcast_to(record["parameters"]["stress"], packing.dimension)[
+            _moving_axes(packing, record["parameters"])
+        ]
         warn(
             f"the least axial stress that is asked for is {asked.min() / asked.max():.3g} of the largest one, and the "
             f"least that these grains bear is about {record['stress_ratio']:.2g} of it: they go on shearing at a "
@@ -335,10 +352,25 @@ def warn_of_imbalance(packing: Packing) -> None:
             f"{'xyz'[axis]}, with more grains, or ask for more equal stresses",
             PackingWarning,
         )
-    if not (sought := record.get("sought", {"met": True}))["met"]:
+    wrap = sum(packing.container.periodic[axis] for axis in _moving_axes(packing, record["parameters"]))
+    told = record["parameters"]["shear"] is None and packing.stop_reason == "compressed"
+    if told and wrap > 1 and record["shear_ratio"] > MOST_SHEAR:
+        warn(
+            f"the largest shear stress is {record['shear_ratio']:.2g} of the mean axial stress, since the angles of "
+            "the cell are held: let it tilt with shear='free', take more grains, or accept it with shear='held'",
+            PackingWarning,
+        )
+    sought = record.get("sought", {"met": True})
+    if not sought["met"]:
         what = "the packing"
-        if sought["measure"] == REGIONS[WHOLE]:
+        if sought["measure"] == REGIONS[WHOLE] and record["parameters"]["axes"] == "xyz"[packing.dimension - 1]:
             height = _height_of(packing)
             asked = height * sought["reached"] / sought["solid_fraction"]
             what += f", whose height is {height:.4g} instead of {asked:.4g},"
         warn(sentence_of(sought, what, "are compressed to"), PackingWarning)
+    if record["parameters"]["region"] == "bulk" and sought.get("measure") == REGIONS[WHOLE]:
+        warn(
+            f"region is 'bulk', which holds fewer than {ENOUGH} grains: the solid fraction is that of the specimen; "
+            "take more grains, or leave region out",
+            PackingWarning,
+        )

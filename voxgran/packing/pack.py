@@ -43,7 +43,7 @@ from voxgran.packing.problem import normalized_problem, warn_of_overlaps, warn_o
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import asked_orientations, check_start, density_around, number_fixed, told_of, turns_asked
-from voxgran.settling.parameters import Settling
+from voxgran.settling.parameters import Settling, as_solid_fraction
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
 from voxgran.shapes.sizes import SizeDistribution
@@ -72,6 +72,8 @@ def pack(
     *,
     count: int | None = None,
     solid_fraction: float | None = None,
+    porosity: float | None = None,
+    void_ratio: float | None = None,
     sizes: SizeDistribution | None = None,
     grains: Any = None,
     weights: "ArrayLike | None" = None,
@@ -110,6 +112,8 @@ def pack(
         added until the method stops. Where neither target is reached, a warning says so and the provenance holds
         under ``missed`` what is missing to each of them, and by how much the gradation differs. Of the method
         ``"gravity"`` it is that of the bed at rest, as in :func:`settle`, and says nothing of the number of grains.
+    porosity, void_ratio : float, optional
+        In place of the solid fraction: 1 minus it, or the volume of the voids over that of the grains.
     sizes : SizeDistribution, optional
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
@@ -217,6 +221,7 @@ def pack(
     20
     """
     began = time.monotonic()
+    solid_fraction = as_solid_fraction(solid_fraction, porosity, void_ratio)
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
         weights=weights, weights_by=weights_by, seed=seed, start=start, obstacles=obstacles, unit=unit, density=density,

@@ -48,6 +48,8 @@ def settle(
     seed: int = 0,
     fall_time: float | None = None,
     solid_fraction: float | None = None,
+    porosity: float | None = None,
+    void_ratio: float | None = None,
     rest: float = 0.95,
     parts: Literal["exact", "hulls"] = "exact",
     checkpoint: str | os.PathLike[str] | None = None,
@@ -91,6 +93,8 @@ def settle(
         of the container below the height that holds 85 % of the volume of the grains (``bed_solid_fraction``). The
         provenance says under ``["settling"]["sought"]`` what was found, and in how many tries; default: as friction and
         shaking give it.
+    porosity, void_ratio : float, optional
+        In place of the solid fraction: 1 minus it, or the volume of the voids over that of the grains.
     rest : float
         Share of the grains that must be proven to rest so that the bed counts as settled.
     parts : {"exact", "hulls"}
@@ -162,6 +166,8 @@ def settle(
         "lid": lid,
         "fall_time": fall_time,
         "solid_fraction": solid_fraction,
+        "porosity": porosity,
+        "void_ratio": void_ratio,
         "rest": rest,
         "parts": parts,
     }

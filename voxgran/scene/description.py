@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import as_count, as_share, check_type
+from voxgran._base.arrays import as_count, check_type
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest
 from voxgran._base.files import existing_file
@@ -42,13 +42,13 @@ from voxgran.scene.entries import (
     with_densities,
     with_material_densities,
 )
-from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknown
+from voxgran.scene.keys import DENSITIES, Listed, Mistakes, Packed, names_of, refuse_unknown
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.twins.section import TwinEntry, twin_scene
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
-from voxgran.settling.parameters import Compression, Settling
+from voxgran.settling.parameters import Compression, Settling, as_solid_fraction
 from voxgran.shapes.sizes import SizeDistribution
 
 SECTIONS = (
@@ -412,10 +412,10 @@ def _method(packing: Mapping[str, Any]) -> tuple[str, type, dict[str, Any]]:
 
 def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     """Return how many grains [packing] asks for, and the file that it starts from."""
-    count, solid, start = (packing.get(key) for key in ("count", "solid_fraction", "start"))
+    count, start = packing.get("count"), packing.get("start")
     return {
         "count": None if count is None else as_count(count, "[packing] count", at_most=None),
-        "solid_fraction": None if solid is None else as_share(solid, "[packing] solid_fraction"),
+        "solid_fraction": as_solid_fraction(*map(packing.get, DENSITIES), where="[packing] "),
         "start": None if start is None else str(existing_file(place / str(start))),
     }
 

@@ -20,6 +20,7 @@ from voxgran.contacts.assembly import NOT_STATED
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
 from voxgran.scene.keys import (
+    DENSITIES,
     AnyShape,
     ClumpOfShape,
     Layered,
@@ -272,7 +273,8 @@ def _roughness(given: Any) -> dict[str, Any]:
 
 
 #: sections and keys of [packing] that each layer has of its own, or that are for one packing alone
-ALONE, ALONE_IN_PACKING = ("shape", "sizes", "orientations", "grains"), ("count", "solid_fraction", "start", "height")
+ALONE = ("shape", "sizes", "orientations", "grains")
+ALONE_IN_PACKING = ("count", *DENSITIES, "start", "height")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

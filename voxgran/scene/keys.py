@@ -13,7 +13,7 @@ from voxgran._base.config import parameter, parameter_class, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, unknown
 from voxgran.scene.sections import General, Output
 from voxgran.settling.material import Material
-from voxgran.settling.parameters import Compression, Settling
+from voxgran.settling.parameters import MOST_POROUS, Compression, Settling
 
 
 @parameter_class
@@ -133,6 +133,10 @@ class ClumpOfShape:
     seed: int = parameter(0, at_least=0)
 
 
+#: keys of [packing] of which one says how dense the grains become
+DENSITIES = ("solid_fraction", "porosity", "void_ratio")
+
+
 @parameter_class
 class Packed:
     """Keys of [packing], beside the parameters of its method.
@@ -145,6 +149,10 @@ class Packed:
         number of grains.
     solid_fraction
         solid fraction at which the packing ends; with a count, whichever comes first.
+    porosity
+        1 - solid fraction, in place of it.
+    void_ratio
+        volume of the voids over that of the grains, in place of the solid fraction.
     start
         file of a packing whose grains are there from the beginning.
     """
@@ -152,6 +160,8 @@ class Packed:
     method: str = parameter()
     count: int | None = parameter(None, at_least=0)
     solid_fraction: float | None = parameter(None, above=0, at_most=1)
+    porosity: float | None = parameter(None, at_least=0, at_most=MOST_POROUS)
+    void_ratio: float | None = parameter(None, at_least=0)
     start: str | None = parameter(None)
 
 

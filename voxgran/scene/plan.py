@@ -339,7 +339,7 @@ def _compression_step(scene: SceneDescription, task: Task) -> list[str]:
     how = "" if known is None else f"with friction {friction_text(known)}"
     target = compression.solid_fraction or compression.height
     if target is not None:
-        kind = "solid fraction" if compression.height is None else "height"
+        kind = f"solid fraction of the {compression.region}" if compression.height is None else "height"
         how = f"to a {kind} of {target:g}, by friction in at most {MOST_TRIES} tries"
     return [f"compress them along {compression.axes} {how}"]
 

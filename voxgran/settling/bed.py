@@ -342,13 +342,13 @@ class Bed:
             part *= np.minimum(1.0, most / np.maximum(far, most))[:, None]
         return clipped
 
-    def stretch(self, factors: Floats, container: Container) -> None:
-        """Multiply the coordinates of the centroids by factors (3,), where the container becomes another one."""
+    def deform(self, gradient: Floats, container: Container) -> None:
+        """Multiply the coordinates of the centroids by a matrix (3, 3), where the container becomes another one."""
         grains = self.grains
-        grains.position[:] *= factors
-        self.pairs.shift[:] *= factors
+        grains.position[:] = linear.matmul(grains.position, gradient.T)
+        self.pairs.shift[:] = linear.matmul(self.pairs.shift, gradient.T)
         # pairs of the list approach each other by no more than their distance times the strain
-        grains.way[:] += float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
+        grains.way[:] += float(np.abs(gradient - np.eye(3)).sum(axis=1).max()) * (grains.radius + 0.5 * SKIN)
         self.move_walls(container)
         self.carried = np.full(2, np.nan)
 

@@ -7,6 +7,9 @@ sought with which no gap closes, as in a quasi-static step under gravity. All fo
 the factor that serves best, since the strain of the container is the slowest mode. Once it hardly strains, steps become
 shorter until surfaces keep their distance and the forces balance.
 
+Where shear is free, a periodic cell tilts too, until it has no shear stresses. Its first edge stays along x, and its
+second one in the plane of x and y, so that it turns with all grains by half of the shear strain.
+
 Fixed grains move with the mean strain, as points of the container, and do not turn.
 
 Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
@@ -26,13 +29,13 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import VoxgranError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
-from voxgran.containers.stretch import stretched
+from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
@@ -45,6 +48,7 @@ from voxgran.settling.stress_balance import (
     evenly,
     keep_known_forces,
     pressed_forces,
+    shear_ratio,
     stress_of,
     without_weight,
 )
@@ -73,6 +77,13 @@ STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
 #: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
 SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
+#: shear strain at any volume from which on grains yield: what they bear then is what a few layers of them bear
+FLOWED = 1.0
+#: most strain of a step, in the largest one at the beginning: more only where stresses are missed by several times
+LARGEST = 2.0
+#: rounds in which a container gives way at the end until grains that have no room are apart, and the share of their
+#: overlap by which it is stretched in each
+GIVING_WAY, GIVES = 40, 0.25
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
 MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
@@ -103,8 +114,8 @@ class Progress:
     moving: float = 1.0  # share of the grains that bear forces, and are not in balance
     smallest: float = 0.0  # gap, when last examined
     missed: float = 1.0  # relative difference of the stress from the one that is asked for
-    factors: Floats = field(default_factory=lambda: np.ones(3))  # by which the container was stretched
-    before: Floats = field(default_factory=lambda: np.ones(3))  # the same when it last had another volume
+    gradient: Floats = field(default_factory=lambda: np.eye(3))  # by which the container was deformed
+    before: Floats = field(default_factory=lambda: np.ones(3))  # its diagonal when it last had another volume
     yields: int = 0  # whether it goes on shearing without a change of volume
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
     bearing: Floats = field(default_factory=lambda: np.zeros(0))  # 1 where a grain bears forces
@@ -136,8 +147,9 @@ class Compressor(Resumable):
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start
         self.modes = how.modes_of(assembly.container)
-        stress = how.stress_along(assembly.dimension)
-        # only ratios decide: forces here are in the largest stress
+        self._moves = np.diag(self.modes)[:3] > 0.0
+        stress = np.where(np.append(self._moves, [False] * 3), how.stress_along(assembly.dimension), 0.0)
+        # only ratios decide: forces here are in the largest stress along an axis that moves
         self.unit = float(stress.max())
         self.stress = stress / self.unit
         self.bed = Bed(assembly, np.zeros(3))
@@ -191,6 +203,7 @@ class Compressor(Resumable):
             "smallest_gap": progress.smallest,
             "stress_error": progress.missed,
             "stress_ratio": self._ratio(),
+            "shear_ratio": shear_ratio(stress_of(self.bed, self.bed.forces()), self.bed.assembly.dimension),
             "path": (progress.path * np.array([1.0, self.unit, self.unit, self.unit])).tolist(),
         }
 
@@ -208,7 +221,7 @@ class Compressor(Resumable):
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""
         super().restore(arrays, counters)
-        self.bed.move_walls(stretched(self.container, self.progress.factors.tolist()))
+        self.bed.move_walls(deformed(self.container, self.progress.gradient))
 
     def _begin(self) -> None:
         """Examine the grains before any of them moves: a packing that bears the stress stays as it is."""
@@ -238,12 +251,15 @@ class Compressor(Resumable):
         )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
-        bed.move(accelerations * size, NEAR if exact else FAR)
-        strain = accelerations[-1, :3] * size
-        if (strain <= -1.0).any():
-            raise too_narrow(self.how)
-        progress.factors *= 1.0 + strain
-        bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))
+        # gaps of a part of a step are between those before it and after it
+        strain = accelerations[-1] * size
+        part = min(1.0, LARGEST * pace.strain / max(float(np.abs(strain).max()), 1e-300))
+        yz, xz, xy = part * strain[3:]
+        motion = accelerations * (part * size)
+        # the edges of a cell that tilts turn, so that the first one stays along x
+        motion[:-1, 3:] += bed.movable[:, None] * (0.5 * np.array([-yz, xz, -xy]))
+        bed.move(motion, NEAR if exact else FAR)
+        self._deform(np.diag(1.0 + part * strain[:3]) + np.array([[0.0, xy, xz], [0.0, 0.0, yz], [0.0, 0.0, 0.0]]))
         if np.abs(strain).max() < CALM * pace.strain or self._goes_around():
             progress.mobility = max(LAST, pace.shrink * size)
         progress.yields = int(self._yields())
@@ -254,29 +270,60 @@ class Compressor(Resumable):
         if good and self._surfaces and not exact:
             progress.stage = CLOSING
             return
-        if progress.smallest < 0.0 and (good or last):
+        if progress.smallest < 0.0 and good:
             part_grains(bed, PARTED, ROUNDS)
             good = self._examine(QUICK) and progress.smallest >= 0.0
+        moved = last and not good and (progress.smallest < 0.0 or exact < self._surfaces)
+        if moved:
+            self._part_at_last()
         if good or last:
-            # nothing has moved since: the forces are at least as good afterwards
-            self._examine(THOROUGH, known=True)
+            # where nothing has moved since, the forces are at least as good afterwards
+            self._examine(THOROUGH, known=not moved)
             progress.stage = ENDED
+
+    def _deform(self, gradient: Floats) -> None:
+        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it."""
+        self.progress.gradient = linear.matmul(gradient, self.progress.gradient)
+        self.bed.deform(gradient, deformed(self.container, self.progress.gradient))
+
+    def _part_at_last(self) -> None:
+        """Part grains that are left without balance; where they have no room, the container gives way.
+
+        Raises
+        ------
+        VoxgranError
+            If they overlap even so.
+        """
+        bed = self.bed
+        self.progress.exact = int(self._surfaces)
+        bed.finders.exact = self._surfaces
+        for _ in range(GIVING_WAY):
+            part_grains(bed, PARTED, ROUNDS)
+            if (smallest := self._smallest_gap()) >= 0.0:
+                return
+            self._deform(np.diag(np.where(self._moves, 1.0 + GIVES * max(-smallest, PARTED), 1.0)))
+        raise VoxgranError(
+            f"grains overlap by {-smallest:.2g} median diameters after {self.progress.step + 1} steps, although the "
+            "container gave way: begin with grains that are apart, or ask for more equal stresses"
+        )
 
     def _goes_around(self) -> bool:
         """Return whether a cell under an isotropic stress has gone on changing its shape, for long, but not its volume.
 
         Few grains that are a crystal would do so for ever with long steps.
         """
-        fraction, isotropic = self.progress.path[:, 0], not np.ptp(self.stress[: self.bed.assembly.dimension])
+        fraction, isotropic = self.progress.path[:, 0], not np.ptp(self.stress[:3][self._moves])
         return bool(isotropic and fraction[-2 * WINDOW :].max() <= fraction[: -2 * WINDOW].max(initial=0.0))
 
     def _yields(self) -> bool:
-        """Return whether the container has sheared for long without a change of volume."""
-        progress = self.progress
-        strain = libm.log(progress.factors / progress.before)[: self.bed.assembly.dimension]
+        """Return whether the container has sheared for long without a change of volume, or too far with one."""
+        progress, d = self.progress, self.bed.assembly.dimension
+        factors, moves = progress.gradient.diagonal(), self._moves
+        strain = libm.log(factors / progress.before)[:d]
         if abs(strain.sum()) > SAME_VOLUME:
-            progress.before = progress.factors.copy()
-        return abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED
+            progress.before = factors.copy()
+        far = np.ptp(self.stress[:3][moves]) and np.ptp(libm.log(factors[moves])) > FLOWED
+        return bool(far) or (abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED)
 
     def _ratio(self) -> float:
         """Return the ratio of the least to the largest axial stress, the mean of the last steps; 1 before the first."""
@@ -298,10 +345,7 @@ class Compressor(Resumable):
         Whether the surfaces are apart is noted too.  known: whether nothing has moved since the last examination.
         """
         progress, bed = self.progress, self.bed
-        bed.find(TOUCHING, 0.0)
-        smallest = float(bed.gap.min(initial=TOUCHING))
-        if bed.finders.crossing(bed.pairs, bed.grains):
-            smallest = min(smallest, -TOUCHING)
+        smallest = self._smallest_gap()
         load = self.stress * bed.assembly.container.volume
         found = balance_grains(
             bed, self.modes, load, friction=self.friction, tolerance=RESIDUAL, rounds=rounds, known=known
@@ -314,18 +358,17 @@ class Compressor(Resumable):
         progress.proven = int(balanced and smallest >= 0.0)
         return balanced
 
+    def _smallest_gap(self) -> float:
+        """Find contacts, and return the smallest gap; grains of which surfaces cross have one below 0."""
+        bed = self.bed
+        bed.find(TOUCHING, 0.0)
+        smallest = float(bed.gap.min(initial=TOUCHING))
+        return min(smallest, -TOUCHING) if bed.finders.crossing(bed.pairs, bed.grains) else smallest
+
     def _note(self, forces: Floats) -> None:
         """Add a row to the path."""
         row = [self._solid_fraction, *np.diag(stress_of(self.bed, forces))]
         self.progress.path = np.vstack([self.progress.path, row])
-
-
-def too_narrow(how: Compression) -> InputError:
-    """Return the error that the grains do not bear a stress, and sheared until none has room in the container."""
-    return InputError(
-        f"stress is {shown(how.stress)}: the grains do not bear it, and sheared until the container was narrower than "
-        "a grain; ask for more equal stresses, or begin with more grains"
-    )
 
 
 def _with_walls(friction: float | Materials | None, assembly: Assembly) -> float | Materials:

@@ -36,7 +36,7 @@ from voxgran.settling.materials import (
 )
 from voxgran.settling.parameters import MOST_FRICTION
 from voxgran.settling.projected_gradient import accelerated_projected_gradient
-from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress, keep_known_forces
+from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress, keep_known_forces, shear_ratio
 from voxgran.settling.undecided import decide_rest
 
 if TYPE_CHECKING:
@@ -115,9 +115,10 @@ def equilibrium(
     gap : float
         Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
     stress : float or array_like of float, optional
-        Mean stress tensor (Love & Weber) that the forces have up to a factor, without gravity: one number for all axes,
-        a number along each axis with NaN or None where it is not prescribed, or a symmetric tensor; principal stresses
-        are above 0. Default: of a packing without gravity that was compressed, the stress of its forces.
+        Mean stress tensor (Love & Weber) that the forces have up to a factor, without gravity: one number for all axes
+        or a number along each axis, which say nothing of shear stresses, with NaN or None where it is not prescribed;
+        or a symmetric tensor, whose shear stresses are prescribed too: ``numpy.eye(3)`` is isotropic. Principal
+        stresses are above 0. Default: of a packing without gravity that was compressed, the stress of its forces.
     tolerance : float
         Net force, in weights of a grain, and net torque, in its weight times its radius, up to which it rests; above 0.
         Under a stress it is in mean normal forces, and also the largest difference of the stress over its least one.
@@ -148,7 +149,8 @@ def equilibrium(
         diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
         a rattler bears no forces, and ``share_at_rest`` counts all grains. The variable ``stress`` is the mean stress
         tensor of the forces, and the attribute ``stress_error`` its largest difference from the one that was asked for,
-        over the least axial number of that one. A packing holds the stress where this and all residuals are within the
+        over the least axial number of that one; the attribute ``shear_ratio`` is its largest shear stress over the mean
+        of the axial ones. A packing holds the stress where this and all residuals are within the
         tolerance, which the attribute ``balanced`` says with 1 or 0.
 
     Raises
@@ -376,6 +378,7 @@ def _stress_dataset(packing: Assembly, bed: Bed, found: Balanced, parameters: di
     shares = _shares(made, packing.movable)
     held = found.missed <= tolerance and shares["share_at_rest"] == 1.0
     made.attrs.update({**parameters, **shares, "stress_error": found.missed, "balanced": int(held)})
+    made.attrs["shear_ratio"] = shear_ratio(found.stress, packing.dimension)
     return made
 
 

@@ -22,6 +22,8 @@ from voxgran.settling.material import Material
 
 #: coefficient of friction where none is known
 USUAL_FRICTION = 0.5
+#: largest friction where one is found
+ROUGH = 1.0
 #: properties that a pair of materials may have of its own
 OF_PAIRS = ("friction", "rolling_friction", "restitution", "stiffness", "shear_stiffness", "cohesion")
 #: names of all walls that are not named, and of walls of revolution, to which a number is added where there are several
@@ -302,6 +304,14 @@ def _name_of_plane(wall: Round) -> str:
 def friction_range(friction: "float | FrictionTable") -> tuple[float, float]:
     """Return the least and the largest coefficient of friction of contacts."""
     return (friction.least, friction.largest) if isinstance(friction, FrictionTable) else (friction, friction)
+
+
+def largest_friction(friction: "float | Materials") -> float:
+    """Return the largest coefficient of friction of a table of materials, or the one coefficient."""
+    if not isinstance(friction, Materials):
+        return friction
+    pairs = combinations_with_replacement(friction.names, 2)
+    return max(friction.between(first, second).friction for first, second in pairs)
 
 
 def as_friction(friction: Any, *, at_most: float = math.inf, sought: float | None = None) -> "float | Materials":

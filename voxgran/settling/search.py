@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.settling.materials import USUAL_FRICTION
+from voxgran.settling.materials import ROUGH, USUAL_FRICTION
 from voxgran.settling.parameters import Shaking
 
 #: difference of the solid fraction up to which the one that is sought is met
 MET = 0.002
 #: friction over which the solid fraction falls by a factor of e from that without friction to that of rough grains
 USUAL = 0.2
-#: largest friction, and the least one of grains that come to rest only with some
-ROUGH, SLIPPERY = 1.0, 0.05
+#: least friction of grains that come to rest only with some
+SLIPPERY = 0.05
 #: strongest shaking, in gravitational accelerations, and how long grains are shaken, in sqrt(d / g): spheres that are
 #: shaken for longer become hardly denser, and those that are shaken stronger begin to crystallize
 STRONGEST, LASTING = 2.0, 50.0

@@ -87,10 +87,11 @@ def pressed_forces(
 def evenly(modes: Floats, load: Floats) -> Floats:
     """Return modes (6, 6) in which equal shares of the load (6,) along each axis strain a container alike.
 
-    Without them a small stress beside a large one is met slowly.
+    Without them a small stress beside a large one is met slowly. Shear strains are those of the means of two axes.
     """
-    share = load / np.abs(load).max()
-    scale = np.sqrt(np.divide(1.0, share, out=np.ones(6), where=share > 0.0))
+    share = load[:3] / np.abs(load).max()
+    along = np.sqrt(np.divide(1.0, share, out=np.ones(3), where=share > 0.0))
+    scale = np.array([math.sqrt(along[a] * along[b]) for a, b in PLACES])
     return np.asarray(modes * np.outer(scale, scale))
 
 
@@ -170,6 +171,13 @@ def stress_of(bed: Bed, forces: Floats) -> Floats:
     return np.asarray(linear.matmul(forces.T, branch) / bed.assembly.container.volume)
 
 
+def shear_ratio(stress: Floats, dimension: int) -> float:
+    """Return the largest shear stress of a tensor (3, 3) over the mean of the axial ones; 0 where these are 0."""
+    tensor = stress[:dimension, :dimension]
+    shear, mean = np.abs((tensor + tensor.T) / 2.0 - np.diag(tensor.diagonal())).max(), tensor.diagonal().mean()
+    return float(shear / mean) if mean > 0.0 else 0.0
+
+
 def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
     """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
 
@@ -200,6 +208,8 @@ def without_weight(bed: Bed) -> None:
 def as_stress(value: "ArrayLike", dimension: int) -> Floats:
     """Return the tensor (3, 3) of a stress: one number, one along each axis, or a tensor; NaN is not prescribed.
 
+    Numbers along axes prescribe no shear, which a specimen has where its container does not tilt.
+
     Raises
     ------
     InputError
@@ -213,9 +223,8 @@ def as_stress(value: "ArrayLike", dimension: int) -> Floats:
     d = dimension
     if given.shape in ((), (d,)):
         axial = np.broadcast_to(given, d)
-        # shear between axes along which nothing is prescribed is not prescribed either
-        unknown = np.isnan(axial)
-        tensor[:d, :d] = np.where(unknown[:, None] | unknown, math.nan, np.diag(np.nan_to_num(axial)))
+        # a stress along axes says nothing of shear
+        tensor[range(d), range(d)] = axial
     elif given.shape in ((d, d), (3, 3)):
         tensor[:d, :d] = given[:d, :d]
     else:

@@ -11,7 +11,7 @@ from voxgran._base.errors import InputError, VoxgranError, check_known, shortene
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
-from voxgran.scene.keys import names_of
+from voxgran.scene.keys import DENSITIES, names_of
 from voxgran.shapes.sizes import KINDS
 from voxgran.study.axes import AxisValue, Label, axis_values, changed, check_axis, refuse_equal
 from voxgran.study.files import FileHashes, former_scene_hash, numbers_hash, scene_hash, with_absolute_files
@@ -21,7 +21,7 @@ LISTED = "cell"
 #: section [output] of cells: a study itself says what is kept
 NOTHING = {"vtk": False, "statistics": False, "report": False}
 #: keys of [packing] that are no parameters of a method
-BESIDE = ("method", "count", "solid_fraction", "start", "settle")
+BESIDE = ("method", "count", *DENSITIES, "start", "settle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def _parameter_paths(method: str | None) -> tuple[str, ...]:
     """Return the paths of the parameters of size laws and of a method, and of what all methods take."""
     own = method_registry().get(method).parameters if method in method_registry().names() else None
     found = [("sizes", item) for law in KINDS.values() for item in names_of(law)]
-    found += [("packing", item) for item in ("count", "solid_fraction", *(names_of(own) if own else ()))]
+    found += [("packing", item) for item in ("count", *DENSITIES, *(names_of(own) if own else ()))]
     return tuple(f"{section}.{item}" for section, item in found)
 
 

@@ -55,8 +55,10 @@ def test_a_peer_returns_the_box_that_it_has_compressed(tmp_path):
 @pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch, rows):
     monkeypatch.setattr(compression, "measure", lambda: rows)
+    begun = compression.starts(count=40, seeds=2)
+    monkeypatch.setattr(compression, "starts", lambda: begun)
     files = compression.run(tmp_path)
-    assert {path.name for path in files} == {"compression.csv", "compression.svg"}
+    assert {path.name for path in files} == {"compression.csv", "compression_starts.csv", "compression.svg"}
     with (tmp_path / "compression.csv").open(newline="") as table:
         written = list(csv.DictReader(table))
     assert [float(row["solid_fraction"]) for row in written] == pytest.approx(

@@ -95,7 +95,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         keys.ShapeOfFile: {"file": "box.stl", "repair": True, "surface": False, "unit": "mm"},
         keys.ShapeOfFamily: {"family": "solid_union", "seed": 1, "count": 2},
         keys.Standing: {"position": [4, 4, 2], "orientation": [1, 0, 0, 0], "scale": 1.0, "packing": "start.vtp"},
-        keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
+        keys.Packed: {"method": "digital", "count": 2, **dict.fromkeys(keys.DENSITIES), "start": "start.vtp"},
         keys.Shares: {"kind": "fixed", "share_by": "volume"},
         keys.Listed: {"file": "list.csv"},
         keys.Layered: {"count": 2, "height": 2.0, "sizes": {"kind": "fixed"}, "orientations": {"kind": "random"}},

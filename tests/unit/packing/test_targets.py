@@ -98,3 +98,26 @@ def test_the_plan_promises_no_solid_fraction():
         }
     )
     assert "if all find room" in str(scene.plan())
+
+
+def by_scene(**asked):
+    base = {"shape": [{"family": "sphere"}], "container": BOX.to_mapping(), "packing": {"method": "rsa", **asked}}
+    return vg.Scene.from_mapping(base).plan().grains
+
+
+@pytest.mark.parametrize("share", [0.2, 0.25])
+def test_a_porosity_and_a_void_ratio_say_the_same_as_a_solid_fraction(share):
+    words = {"solid_fraction": share, "porosity": 1 - share, "void_ratio": 1 / share - 1}
+    many = round(share * 64 / SPHERE.volume)
+    for name, value in words.items():
+        packing = pack(**{name: value})
+        assert (packing.stop_reason, packing.count) == ("solid_fraction", pytest.approx(many, abs=1))
+        assert by_scene(**{name: value}) == packing.count
+        for parameters in (vg.methods.Compress, vg.methods.Gravity):
+            held = parameters(**{name: value})
+            assert (held.solid_fraction, held.porosity, held.void_ratio) == (pytest.approx(share), None, None)
+    for call in (pack, by_scene, vg.methods.Compress, lambda **asked: vg.compress(pack(count=5), **asked)):
+        with pytest.raises(vg.VoxgranError, match=r"porosity is 0\.8 and void_ratio is .*; give one"):
+            call(porosity=0.8, void_ratio=4.0)
+        with pytest.raises(vg.VoxgranError, match=r"at most 0\.9999"):
+            call(porosity=1.0)

@@ -63,7 +63,7 @@ def test_a_column_of_disks_between_two_walls():
 
 def feasible(packing, friction, stress):
     """Whether a linear program finds forces of disks within their cones that balance them under a stress (2,)."""
-    contacts = vg.equilibrium(packing, friction, stress=stress)
+    contacts = vg.equilibrium(packing, friction, stress=np.diag(stress))
     i, j, n = contacts["contact_i"].values, contacts["contact_j"].values, packing.count
     normal = contacts["normal"].values[:, :2]
     tangent, m = np.column_stack([-normal[:, 1], normal[:, 0]]), len(i)

@@ -75,6 +75,18 @@ class Row:
     published_coordination: float | str
 
 
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Density of specimens of 1,000 equal spheres by how loose they began, with friction 0.5."""
+
+    start: float  # solid fraction
+    solid_fraction: float
+    solid_fraction_error: float  # standard error of the mean over the seeds
+    seeds: int
+
+
+#: solid fractions of starts, and how many specimens of each are compressed
+STARTS, SEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 8
 HEAD = ",".join(f"{field.name}:.4g" if field.type is float else field.name for field in fields(Row))
 EQUAL = "equal spheres"
 CASES = (
@@ -152,17 +164,38 @@ def measure(cases: tuple[Case, ...] = CASES, size: float | None = None) -> list[
     return rows
 
 
+def starts(count: int = 1000, seeds: int = SEEDS) -> list[Start]:
+    """Compress equal spheres that have grown at random to several solid fractions."""
+    rows, case = [], Case(EQUAL, count=count)
+    for solid in STARTS:
+        cube = Box(((count * np.pi / 6.0 / solid) ** (1.0 / 3.0),) * 3, periodic="xyz")
+        found = [
+            compressed(case, pack(spheres(), cube, "expand", count=count, solid_fraction=solid, seed=seed))[0]
+            for seed in range(seeds)
+        ]
+        dense = np.array([specimen.solid_fraction for specimen in found])
+        rows.append(Start(solid, float(dense.mean()), float(dense.std(ddof=1) / np.sqrt(seeds)), seeds))
+    return rows
+
+
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, figure = measure(), folder / "compression.svg"
-    _draw(rows, figure)
-    return write_rows(folder / "compression.csv", HEAD, [astuple(row) for row in rows]), figure
+    rows, begun, figure = measure(), starts(), folder / "compression.svg"
+    _draw(rows, begun, figure)
+    by_start = [astuple(row) for row in begun]
+    return (
+        write_rows(folder / "compression.csv", HEAD, [astuple(row) for row in rows]),
+        write_rows(
+            folder / "compression_starts.csv", "start,solid_fraction:.4f,solid_fraction_error:.4f,seeds", by_start
+        ),
+        figure,
+    )
 
 
-def _draw(rows: list[Row], path: Path) -> None:
-    """Draw solid fraction and coordination of equal spheres by friction, and the solid fraction by rate."""
+def _draw(rows: list[Row], begun: list[Start], path: Path) -> None:
+    """Draw solid fraction and coordination of equal spheres by friction, and the solid fraction by rate and start."""
     alike = [row for row in rows if row.specimen == EQUAL and row.grains < 5000]
-    with panels_of(path, 3, width=12.0) as (left, middle, right):
+    with panels_of(path, 4, width=15.0) as (left, middle, right, last):
         for program, style in (("voxgran", "C0o-"), ("LAMMPS", "C1s")):
             some = [row for row in alike if row.program == program and row.rate == ""]
             for panel, name in ((left, "solid_fraction"), (middle, "coordination_by_forces")):
@@ -174,6 +207,10 @@ def _draw(rows: list[Row], path: Path) -> None:
         slow = sorted((float(row.rate or FRICTIONAL.rate), row.solid_fraction) for row in alone)
         right.semilogx(*zip(*slow, strict=True), "C0o-")
         right.set(xlabel="rate", ylabel="solid fraction at friction 0.5")
+        by_start = np.array([astuple(row) for row in begun]).T
+        last.errorbar(*by_start[:3], fmt="C0o-", capsize=3)
+        last.set(xlabel="solid fraction of the start", ylabel="solid fraction at friction 0.5")
+        last.sharey(right)
 
 
 registration = TradeOff(summary="time, density and proof of balance of compressed specimens, beside LAMMPS", run=run)

@@ -178,9 +178,10 @@ class SoughtBed:
         with warnings.catch_warnings(action="ignore"):
             found = self._packing_of(self.settler).measure("density")
         if self.by_bulk < 0:
-            self.by_bulk = int(float(found["bulk_count"]) >= ENOUGH)
+            # without gravity there is no surface, and the bed fills its container
+            other = 0 if "bed_solid_fraction" in found else WHOLE
+            self.by_bulk = 1 if float(found["bulk_count"]) >= ENOUGH else other
         bulk = float(found["bulk_solid_fraction"])
-        # without gravity there is no surface, and the bed fills its container
         below = found["bed_solid_fraction" if "bed_solid_fraction" in found else "solid_fraction"]
         return bulk if self.by_bulk and math.isfinite(bulk) else float(below)
 

@@ -82,7 +82,9 @@ def _many(problem: Problem) -> int:
     container, settings = problem.container, problem.parameters
     points = points_inside(container, stream(problem.seed, "room"))
     away = float((np.asarray(container.signed_distance(points)) < -AT_WALLS * mean_diameter(problem)).mean())
-    room = (settings.solid_fraction or usual_solid_fraction(problem)) * container.volume * away
+    room = usual_solid_fraction(problem) * container.volume * away
+    if settings.solid_fraction is not None:
+        room = settings.solid_fraction * container.volume * (away if settings.region == "bulk" else 1.0)
     if settings.height is not None:
         room *= problem.length(settings.height) / float(np.ptp(container.bounds, axis=0)[container.dimension - 1])
     return as_many(problem, room)
