@@ -196,6 +196,10 @@ def test_a_scene_is_put_together_run_looked_at_and_taken_away(tab, tmp_path):
         tab.size(1024, 700)
         time.sleep(2)
         kept(tab, tmp_path, "app_small.png")
+        tab.size(400, 800)
+        time.sleep(2)
+        for button in ("#ct", "#preview", "#run", "#right"):
+            assert tab.box(button)[0] + tab.box(button)[2] <= 400, button
         # trame's client asks once whether the server starts sessions, which it does not
         assert not [said for said in tab.complaints() if "405" not in str(said)]
     assert vg.load(packing).count == 60
@@ -289,7 +293,10 @@ def test_contacts_a_picked_grain_figures_and_all_files(tab, tmp_path):
                 tab.wait("!!document.querySelector('#grain')", 20)
                 break
         assert "residual (weights of the grain)" in text_of(tab, "#grain")
-        last = changed(tab, last)
+        # beside the bed, not over it
+        assert tab.box("#grain")[0] >= left + width
+        time.sleep(4)
+        last = tab.picture("#view").astype(int)
         for way in ("surface", "voxels", "points", "clump", "neighbours"):
             assert len(chosen(tab, "#way", f"picked grain: {way}")) == 8
             last = changed(tab, last)

@@ -197,13 +197,19 @@ def _field(item: Parameter, value: Any) -> Form:
 
 def text_of(value: Any) -> str:
     """Return a value as it stands in a scene file, words without quotes."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, tuple | list | Mapping):
-        value = list(value) if isinstance(value, tuple) else value
-        inline = load("tomli_w").dumps({"v": [value]}).removeprefix("v = ").strip()
-        return " ".join(inline.removeprefix("[").removesuffix("]").split()).rstrip(",").strip()
-    return str(load("tomli_w").dumps({"v": value})).removeprefix("v = ").strip()
+    return value if isinstance(value, str) else _inline(value)
+
+
+def _inline(value: Any) -> str:
+    """Return a value as it stands on one line of a scene file."""
+    written = load("tomli_w").dumps
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_inline, value))}]"
+    if isinstance(value, Mapping):
+        keys = [written({key: 0}).removesuffix(" = 0\n") for key in value]
+        pairs = [f"{key} = {_inline(one)}" for key, one in zip(keys, value.values(), strict=True)]
+        return f"{{ {', '.join(pairs)} }}" if pairs else "{}"
+    return str(written({"v": value})).removeprefix("v = ").strip()
 
 
 def value_of(field: Form) -> Any:

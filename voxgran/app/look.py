@@ -39,8 +39,8 @@ MANY = 300
 TRIANGLES = 150_000
 #: ways to draw a packing, and the beginning of those to draw the picked grain alone
 GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
-#: share of the height that is left free for a legend, above it for numbers of a grain, and colour of the picked grain
-BELOW, ABOVE, PICKED = 0.16, 0.28, "#d1495b"
+#: share of the height that is left free for a legend, and colour of the picked grain
+BELOW, PICKED = 0.16, "#d1495b"
 
 
 @dataclass(slots=True, eq=False)
@@ -119,7 +119,7 @@ class Look:
             self.camera = self.camera or self.stage.camera.copy()
             for actor in alone[0]:
                 self.stage.add_actor(actor, reset_camera=False)
-            look_at(self.stage, alone[1], flat=flat, below=-ABOVE)
+            look_at(self.stage, alone[1], flat=flat)
             return
         if way == CHAINS:
             force = add_chains(self.stage, packing)
@@ -206,4 +206,5 @@ class Look:
     def cut(self, shares: tuple[float, float, float]) -> None:
         """Cut what lies beyond planes across the axes, at shares of the container."""
         if self.packing is not None:
-            cut_beyond(self.stage, self.packing.container.bounds, shares)
+            closed = self.packing.dimension == 3 and not any(shape.is_open for shape in self.packing.shapes)
+            cut_beyond(self.stage, self.packing.container.bounds, shares, closed=closed)

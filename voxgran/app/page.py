@@ -54,10 +54,10 @@ PLACE = "[$event.offsetX / $event.target.clientWidth, $event.offsetY / $event.ta
 
 #: how lines of Python are written
 CODE = "font: 11px monospace; white-space: pre-wrap"
-#: takes a file away, if there is one
+#: takes a file away, if there is one; its button turns meanwhile, since clumps of many shapes take a while
 TAKE = (
-    "trigger('download', [{file}]).then("
-    "(content) => content && utils.download({file}, content, 'application/octet-stream'))"
+    "taking = {file}; trigger('download', [{file}]).then("
+    "(content) => {{ taking = ''; content && utils.download({file}, content, 'application/octet-stream') }})"
 )
 
 
@@ -68,7 +68,7 @@ class Page:
         self.desk, self.server, self.state = desk, server, server.state
         self.failures = Failures(self.state)
         self.caught = self.failures.caught
-        texts = (*PLANNED, "python", "uploaded", "large")
+        texts = (*PLANNED, "python", "uploaded", "large", "taking")
         lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
         begin: dict[str, Any] = dict.fromkeys(texts, "") | {name: [] for name in lists}
         begin |= dict.fromkeys(("cut_x", "cut_y", "cut_z", "ratio"), 1.0) | {"trame__title": "voxgran", "shown": 0}
@@ -321,12 +321,12 @@ class Page:
         with load("trame.ui.vuetify3").VAppLayout(self.server, theme="light") as layout:
             with v3.VAppBar(density="compact", elevation=1):
                 v3.VAppBarNavIcon(click="left = !left", id="left")
-                v3.VAppBarTitle("voxgran", style="flex: none")
-                v3.VSpacer()
-                html.Span("{{ error }}", classes="text-error mx-4", id="error")
-                v3.VBtn("CT", click="scanning = !scanning", id="ct")
+                v3.VAppBarTitle("voxgran", style="flex: none", v_if="$vuetify.display.width >= 600")
+                told = "flex: 1; min-width: 0; max-height: 100%; overflow-y: auto; font-size: 13px; line-height: 1.2"
+                html.Span("{{ error }}", classes="text-error mx-2", id="error", style=told)
+                v3.VBtn("CT", click="scanning = !scanning", id="ct", min_width=0)
                 preview = self.caught(partial(self._worked, self.desk.preview, self.desk.look.show_shapes))
-                v3.VBtn("Preview shapes", click=preview, id="preview")
+                v3.VBtn("Preview", click=preview, id="preview", min_width=0, title="the first shapes of the scene")
                 v3.VBtn("Run", click=self.caught(self.run), id="run", color="primary", variant="flat", classes="mx-2")
                 v3.VAppBarNavIcon(click="right = !right", id="right")
             drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}
@@ -337,9 +337,6 @@ class Page:
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self.scan.build(v3, html)
                 self._tools(v3)
-                with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
-                    with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
-                        self._table(v3, html, "grain")
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.caught(self.pick), PLACE)):
                     stage, views = self.desk.look.stage, load("trame_pyvista.widgets")
                     self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
@@ -381,6 +378,8 @@ class Page:
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
         drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
+        with v3.VCard(title="Picked grain", variant="flat", density="compact", v_if="grain.length"):
+            self._table(v3, html, "grain")
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4 pb-2", style="white-space: pre-wrap", id="plan")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
@@ -409,11 +408,13 @@ class Page:
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
             for name, file in Desk.FILES.items():
                 take = TAKE.format(file=f"'{file}'")
-                v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
+                turns = {"loading": (f"taking == '{file}'",), "id": f"take-{file}"}
+                v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, **turns)
             html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
             taking: dict[str, Any] = {
                 "click": TAKE.format(file="engine + '.zip'"),
                 "id": ("'take-' + engine + '.zip'",),
+                "loading": ("taking == engine + '.zip'",),
             }
             v3.VBtn("{{ engine }}", v_for="engine in engines", size="x-small", variant="text", **taking)
             v3.VBtn(

@@ -329,7 +329,9 @@ def add_grain(
     # triangles of the far side would be drawn before and after triangles of the near side
     culling = "back" if opacity < 1 and shape.dimension == 3 and not shape.is_open else None
     look = {"opacity": opacity, "culling": culling, "smooth_shading": True, **MATERIAL}
-    stage.add_mesh(shaded(vertices, faces), color=color, **look)
+    mesh = shaded(vertices, faces)
+    mesh.cell_data["grain"] = np.full(len(faces), grain)
+    stage.add_mesh(mesh, color=color, **look)
     return vertices
 
 

@@ -50,6 +50,12 @@ ambientColor *= shade;
 """
 
 
+#: the insides of surfaces in one shade, as a plane has it
+_CUT_SHADER = """//VTK::Light::Impl
+if (!gl_FrontFacing) { fragOutput0.rgb = 0.9 * (ambientColor + diffuseColor); }
+"""
+
+
 @contextlib.contextmanager
 def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
     """Provide an off-screen plotter that is closed at the end (context manager); without light and smoothing colours
@@ -119,8 +125,11 @@ def keep_written(stage: Any, write: Callable[[], None]) -> None:
     stage.render_window.AddObserver("StartEvent", renew)
 
 
-def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
-    """Cut what lies beyond planes across the axes, at shares of a box with bounds (2, 3); none is drawn at share 1."""
+def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float], *, closed: bool) -> None:
+    """Cut what lies beyond planes across the axes, at shares of a box with bounds (2, 3); none is drawn at share 1.
+
+    The inside of a grain that is seen, in which no other lies, is drawn as the plane, where all surfaces are `closed`.
+    """
     low, high = bounds
     kinds = load("vtkmodules.vtkCommonDataModel")
     planes = kinds.vtkPlaneCollection()
@@ -134,6 +143,10 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
         mapper: Any = getattr(actor, "mapper", None)
         if hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
+            program = actor.GetShaderProperty()
+            program.ClearAllFragmentShaderReplacements()
+            if closed and planes.GetNumberOfItems() and "grain" in getattr(mapper.GetInput(), "cell_data", ()):
+                program.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _CUT_SHADER, False)
 
 
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:

@@ -137,3 +137,17 @@ def test_shapes_are_added_and_sections_switched_off():
     told = forms.mapping_of(made)
     assert told["shape"] == [{"family": "sphere"}, {"family": "sphere"}]
     assert "sizes" not in told
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ([5, 5, 8], "[5, 5, 8]"),
+        ([[0, 0.5], ["a, ]", True]], '[[0, 0.5], ["a, ]", true]]'),
+        ({"radius": 1.5, "a b": []}, '{ radius = 1.5, "a b" = [] }'),
+        ({}, "{}"),
+    ],
+)
+def test_lists_and_tables_stand_on_one_line(value, text):
+    assert forms.text_of(value) == text
+    assert forms.value_of({"text": text, "word": False}) == value

@@ -115,3 +115,13 @@ def test_a_narrow_window_shows_the_whole_container_and_one_that_is_turned_stays_
     look.fit(1.5)
     assert look.stage.camera.parallel_scale == pytest.approx(1.5 * high)
     look.stage.close()
+
+
+def test_grains_that_are_cut_are_full():
+    """What is seen at the plane has one shade, where the inside of a shell has many."""
+    look = Look()
+    look.show(vg.Packing.of(vg.shapes.sphere(diameter=4), vg.Box((4, 4, 4)), position=[(2, 2, 2)]))
+    look.cut((1, 1, 0.5))
+    shades, many = np.unique(shot(look.stage).reshape(-1, 3), axis=0, return_counts=True)
+    green = many[shades[:, 1] > 1.3 * shades[:, 0]]
+    assert green.max() > 0.4 * green.sum()
