@@ -63,6 +63,8 @@ TOLERANCE, SOFTNESS = 1e-5, 1e-7
 #: strain of a step, in shares of the largest one, below which steps become shorter; mobility of the last ones, and that
 #: from which on the grains are examined, every few steps
 CALM, LAST, EXAMINED, EVERY = 0.1, 0.1, 0.3, 5
+#: overlap beyond which steps are too long for their iterations
+DEEP = 0.1
 #: rounds of an examination, and of the last one
 QUICK, THOROUGH = 3, 12
 #: distance up to which surfaces touch, net force and torque in mean normal forces up to which a grain is in balance
@@ -77,6 +79,9 @@ STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
 #: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
 SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
+#: ratio of the least to the largest stress, in the one that is asked for, from which on grains yield that have not come
+#: to rest within all steps
+BORNE = 1.02
 #: shear strain at any volume from which on grains yield: what they bear then is what a few layers of them bear
 FLOWED = 1.0
 #: most strain of a step, in the largest one at the beginning: more only where stresses are missed by several times
@@ -241,6 +246,7 @@ class Compressor(Resumable):
         progress, bed, pace = self.progress, self.bed, self.pace
         size, exact = progress.mobility, bool(progress.exact)
         bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
+        deep = float(bed.gap.min(initial=0.0)) < -DEEP
         load = self.stress * bed.assembly.container.volume
         modes = evenly(self.modes, load)
         free = float(np.abs(linear.matmul(modes, load)).max())
@@ -260,10 +266,11 @@ class Compressor(Resumable):
         motion[:-1, 3:] += bed.movable[:, None] * (0.5 * np.array([-yz, xz, -xy]))
         bed.move(motion, NEAR if exact else FAR)
         self._deform(np.diag(1.0 + part * strain[:3]) + np.array([[0.0, xy, xz], [0.0, 0.0, yz], [0.0, 0.0, 0.0]]))
-        if np.abs(strain).max() < CALM * pace.strain or self._goes_around():
+        if deep or np.abs(strain).max() < CALM * pace.strain or self._goes_around():
             progress.mobility = max(LAST, pace.shrink * size)
-        progress.yields = int(self._yields())
-        last = progress.step + 1 >= self.most_steps or bool(progress.yields)
+        last = progress.step + 1 >= self.most_steps
+        progress.yields = int(self._yields(last=last))
+        last = last or bool(progress.yields)
         if not last and (progress.mobility > EXAMINED or progress.step % EVERY):
             return
         good = self._examine(QUICK)
@@ -315,14 +322,19 @@ class Compressor(Resumable):
         fraction, isotropic = self.progress.path[:, 0], not np.ptp(self.stress[:3][self._moves])
         return bool(isotropic and fraction[-2 * WINDOW :].max() <= fraction[: -2 * WINDOW].max(initial=0.0))
 
-    def _yields(self) -> bool:
-        """Return whether the container has sheared for long without a change of volume, or too far with one."""
+    def _yields(self, *, last: bool) -> bool:
+        """Return whether the container has sheared for long without a change of volume, or too far with one.
+
+        After the last step it is enough that the grains have borne more equal stresses only.
+        """
         progress, d = self.progress, self.bed.assembly.dimension
         factors, moves = progress.gradient.diagonal(), self._moves
         strain = libm.log(factors / progress.before)[:d]
         if abs(strain.sum()) > SAME_VOLUME:
             progress.before = factors.copy()
-        far = np.ptp(self.stress[:3][moves]) and np.ptp(libm.log(factors[moves])) > FLOWED
+        asked = self.stress[:3][moves]
+        less = last and self._ratio() > BORNE * float(asked.min() / asked.max())
+        far = np.ptp(asked) and (less or np.ptp(libm.log(factors[moves])) > FLOWED)
         return bool(far) or (abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED)
 
     def _ratio(self) -> float:

