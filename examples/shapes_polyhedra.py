@@ -18,6 +18,7 @@ from voxgran.bench.model import arguments
 from voxgran.report.gallery import picture_shapes
 from voxgran.shapes.families.random.polyhedron import sphere_swept, steiner_volume
 from voxgran.shapes.families.regular.superquadric import volume_of
+from voxgran.shapes.families.regular.tablet import volume_of as tablet_volume
 from voxgran.shapes.generating.regular_solids import corners_of
 
 [folder] = arguments(__doc__, folder=Path("out/shapes_polyhedra"))
@@ -37,6 +38,7 @@ semi_axes, e = (1.0, 2.0, 3.0), 0.5
 show(
     "superquadric", volume_of(e, e, np.array(semi_axes)), vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes)
 )
+show("tablet", tablet_volume(4.0, 3.0, 0.5), vg.make_shape("tablet", radius=4, height=3, cap_height=0.5))
 show("torus", 2 * math.pi**2 * 0.16, vg.make_shape("torus", major_radius=1, minor_radius=0.4))
 cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]
 print(f"voronoi_fragment   cells of one box, their sum: 1 {sum(cell.volume for cell in cells) - 1:+.0e}")
@@ -53,6 +55,12 @@ rows = [
     *(vg.make_shape("superquadric", e1=e, e2=e) for e in (0.1, 0.5, 1.0, 1.5, 2.0, 3.0)),
     *(vg.make_shape("superquadric", e1=e1, e2=e2) for e1, e2 in ((0.1, 1.0), (1.0, 3.0))),
     *(vg.make_shape("spherocylinder", aspect=aspect) for aspect in (1.2, 1.5, 2.0, 3.0)),
+    *(
+        vg.make_shape("tablet", aspect=aspect, cap=cap)
+        for aspect, cap in ((0.5, 0.05), (0.5, 0.2), (0.3, 0.15), (1, 0.1))
+    ),
+    *(vg.make_shape("ring", aspect=aspect, bore=bore) for aspect, bore in ((1, 0.8), (0.4, 0.6))),
+    *(vg.make_shape("hollow_cylinder", holes=holes) for holes in (4, 7)),
     *(vg.make_shape("torus", aspect=aspect) for aspect in (0.2, 0.4, 0.6, 0.9)),
     *vg.make_shapes("voronoi_fragment", count=4, seed=2),
     *vg.make_shapes("voronoi_fragment", count=2, seed=2, process="jittered", jitter=0.5),
@@ -65,5 +73,5 @@ picture = picture_shapes(rows, columns=8)
 height, width = (length // 2 * 2 for length in picture.shape[:2])
 small = picture[:height, :width].reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
 # Picture: Rows of grains: polyhedra, rounded polyhedra, Archimedean solids, superquadrics from boxes to stars, rods,
-#   rings, fragments, and grains from Fourier descriptors.
+#   tablets, rings, hollow cylinders, tori, fragments, and grains from Fourier descriptors.
 imsave(folder / "shapes_polyhedra.png", small.round().astype(np.uint8))

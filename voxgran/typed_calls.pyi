@@ -271,6 +271,16 @@ class SphereKeywords(SizedKeywords, total=False):
 class EllipsoidKeywords(SizedKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
+class RingKeywords(MakeShapeKeywords, total=False):
+    aspect: NumberRange | None
+    bore: NumberRange | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
+    height: NumberRange | None
+    hole_radius: NumberRange | None
+    tolerance: NumberRange
+class HollowCylinderKeywords(RingKeywords, total=False):
+    holes: WholeRange
 class LearnedKeywords(SizedKeywords, total=False):
     model: ShapeModel | str
 class FourierSpectrumKeywords(MakeShapeKeywords, total=False):
@@ -387,6 +397,14 @@ class SuperspherizeKeywords(SizedKeywords, total=False):
     half_angles: NumberRange | (Sequence[Number] | NDArray[Any])
     spread: NumberRange
     longest_edge: NumberRange
+class TabletKeywords(MakeShapeKeywords, total=False):
+    aspect: NumberRange | None
+    cap: NumberRange | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
+    height: NumberRange | None
+    cap_height: NumberRange | None
+    tolerance: NumberRange
 class TorusKeywords(MakeShapeKeywords, total=False):
     aspect: NumberRange | None
     diameter: NumberRange | None
@@ -423,6 +441,8 @@ def make_shape(family: Literal["disk", "sphere"], **keywords: Unpack[SphereKeywo
 @overload
 def make_shape(family: Literal["ellipsoid"], **keywords: Unpack[EllipsoidKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["hollow_cylinder"], **keywords: Unpack[HollowCylinderKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["learned"], **keywords: Unpack[LearnedKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["mollon_zhao"], **keywords: Unpack[MollonZhaoKeywords]) -> Shape: ...
@@ -440,6 +460,8 @@ def make_shape(family: Literal["polyhedron"], **keywords: Unpack[PolyhedronKeywo
 def make_shape(family: Literal["random_growth"], **keywords: Unpack[RandomGrowthKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["random_surface"], **keywords: Unpack[RandomSurfaceKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["ring"], **keywords: Unpack[RingKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["rough_sheet"], **keywords: Unpack[RoughSheetKeywords]) -> Shape: ...
 @overload
@@ -460,6 +482,8 @@ def make_shape(family: Literal["spherocylinder"], **keywords: Unpack[Spherocylin
 def make_shape(family: Literal["superquadric"], **keywords: Unpack[SuperquadricKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["superspherize"], **keywords: Unpack[SuperspherizeKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["tablet"], **keywords: Unpack[TabletKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["torus"], **keywords: Unpack[TorusKeywords]) -> Shape: ...
 @overload
@@ -483,6 +507,8 @@ def make_shapes(family: Literal["disk", "sphere"], *, count: Whole, **keywords: 
 @overload
 def make_shapes(family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]) -> list[Shape]: ...
 @overload
+def make_shapes(family: Literal["hollow_cylinder"], *, count: Whole, **keywords: Unpack[HollowCylinderKeywords]) -> list[Shape]: ...
+@overload
 def make_shapes(family: Literal["learned"], *, count: Whole, **keywords: Unpack[LearnedKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]) -> list[Shape]: ...
@@ -500,6 +526,8 @@ def make_shapes(family: Literal["polyhedron"], *, count: Whole, **keywords: Unpa
 def make_shapes(family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["ring"], *, count: Whole, **keywords: Unpack[RingKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]) -> list[Shape]: ...
 @overload
@@ -520,6 +548,8 @@ def make_shapes(family: Literal["spherocylinder"], *, count: Whole, **keywords: 
 def make_shapes(family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["tablet"], *, count: Whole, **keywords: Unpack[TabletKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["torus"], *, count: Whole, **keywords: Unpack[TorusKeywords]) -> list[Shape]: ...
 @overload

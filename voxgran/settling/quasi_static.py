@@ -71,7 +71,7 @@ def quasi_static_step(
     rest: distance that surfaces keep.  reuse: motion up to which exact contacts of meshes are not found again.
     """
     bed.find(margin, rest, reuse=reuse)
-    if bed.load > 1.0 and bed.grains.kind.any() and SURFACE not in bed.grains.kind:
+    if bed.grains.kind.any() and SURFACE not in bed.grains.kind:
         _do_not_turn(bed)
     forces, square = bed.forces(), step * step
     skin = SOFTNESS / (bed.load * square)
@@ -95,7 +95,7 @@ def _rolling(bed: Bed) -> LoadedContacts:
 
 
 def _do_not_turn(bed: Bed) -> None:
-    """Let contacts that overlap deeply below a lid, which does not let them open, act at the centroids of their grains.
+    """Let contacts that overlap deeply act at the centroids of their grains.
 
     The depth is that of a translation. A rotation opens it to first order only: convex grains deep in each other meet
     at other points then, and overlap as deep.

@@ -282,7 +282,7 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str, record: Mapp
     return shape if exact == 1.0 else shape.scaled(exact)
 
 
-def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...], *, aspect: object) -> None:
+def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...], **ratios: object) -> None:
     """Refuse a size that is given twice or in part, and ratios beside lengths.
 
     `dimensions` are the names of the lengths that define the size, with None for those that are not given.
@@ -290,7 +290,7 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
     Raises
     ------
     InputError
-        If lengths are given together with `diameter` or `aspect`, or only some of the lengths are given.
+        If lengths are given together with `diameter` or a ratio, or only some of the lengths are given.
     """
     given = [name for name, value in dimensions if value is not None]
     if given and len(given) < len(dimensions):
@@ -298,8 +298,9 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
         raise InputError(f"{given[0]} is given without {missing}: both make the size; add it")
     if given and diameter is not None:
         raise InputError(f"diameter and {given[0]} are both given: each makes the size; leave one out")
-    if given and aspect is not None:
-        raise InputError(f"aspect and {given[0]} are both given: each makes the ratio of the lengths; leave one out")
+    for name, ratio in ratios.items():
+        if given and ratio is not None:
+            raise InputError(f"{name} and {given[0]} are both given: each makes the ratio of lengths; leave one out")
 
 
 def regular_solid(
@@ -325,7 +326,7 @@ def round_radius(diameter: float | None, radius: float | None) -> float:
     InputError
         If both are given, or one is not above 0.
     """
-    refuse_both(diameter, (("radius", radius),), aspect=None)
+    refuse_both(diameter, (("radius", radius),))
     if radius is not None:
         return as_positive(radius, "radius")
     return as_positive(1.0 if diameter is None else diameter, "diameter") / 2

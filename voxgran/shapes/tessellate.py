@@ -101,6 +101,11 @@ def unit_box() -> tuple[Floats, Integers, float]:
     return vertices, np.array(faces, dtype=np.int64), 0.0
 
 
+def sides_of(radius: float, error: float) -> int:
+    """Return how many sides of a regular polygon in a circle, at least 8, are within an error of it."""
+    return max(8, math.ceil(math.pi / math.acos(max(1 - error / radius, 0.5))))
+
+
 def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> tuple[Floats, Integers, float]:
     """Return vertices and faces of the surface of revolution of a profile about z, and the error of its polygons.
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.contacts.manifolds.rows import ARM_I, ARM_J
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, PUSH
 from voxgran.geometry.rotation import normalized
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.bed import Bed
@@ -64,6 +64,24 @@ def test_ways_of_pairs_bound_how_far_surfaces_move_relative_to_each_other(assemb
             # distances change by no more than the ways of both grains either
             assert (gone >= np.minimum(moved, absolute) - 1e-12).all()
             assert gone.sum() <= ratio * absolute.sum() + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_forces_stay_at_their_points_where_more_of_them_or_fewer_are_found(seed):
+    tablet = vg.shapes.superquadric(e1=0.6, e2=1.0, aspect=(1, 1, 0.5), tolerance=0.01)
+    bed = Bed(vg.pack(tablet, vg.Box((2.2, 2.2, 2.2)), "expand", count=9, seed=seed), DOWN)
+    for wide, narrow in ((0.1, 0.05), (0.05, 0.1)):
+        bed.find(wide, 0.0)
+        bed.keep_forces(bed.rows.row[: bed.m, NORMAL : NORMAL + 3] * (np.arange(bed.m) % 4 == 0)[:, None])
+        before = [bed.rows.row[: bed.m].copy(), bed.rows.i[: bed.m].copy(), bed.rows.j[: bed.m].copy()]
+        bed.find(narrow, 0.0)
+        row, same = bed.rows.row[: bed.m], 0
+        for own, i, j in zip(*before, strict=True):
+            near = np.abs(row[:, NORMAL:ARM_J] - own[NORMAL:ARM_J]).max(axis=1) < 1e-12
+            at = np.flatnonzero(near & (bed.rows.i[: bed.m] == i) & (bed.rows.j[: bed.m] == j))
+            assert own[PUSH] == 0.0 or (row[at, PUSH] == own[PUSH]).all()
+            same += len(at)
+        assert same > bed.m / 4
 
 
 @pytest.mark.slow

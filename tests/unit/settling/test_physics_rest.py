@@ -330,6 +330,15 @@ def bodies(kind):
     return [shape.scaled(1.0 / shape.diameter) for shape in shapes]
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_tablets_of_many_triangles_come_to_rest_in_few_steps(seed):
+    # where forces passed on to other points than their own, steps ended at their largest number, about 1,050
+    tablet = vg.shapes.superquadric(e1=0.6, e2=1.0, aspect=(1, 1, 0.5), tolerance=0.005)
+    bed = vg.settle(vg.pack(tablet, vg.Box((3, 3, 4)), "rsa", count=15, seed=seed), gravity="-z", friction=0.1)
+    assert bed.provenance["settling"]["steps"] < 600
+    assert bed.provenance["settling"]["resting"] == 1.0
+
+
 @pytest.mark.parametrize("kind", ["hull", "clump", "ellipsoid", pytest.param("mixed", marks=pytest.mark.slow)])
 def test_beds_of_many_kinds_are_free_of_overlap_and_rest(kind):
     bed = vg.settle(loose(40, lengths=(4, 4, 14), shapes=bodies(kind), seed=5))

@@ -1,4 +1,4 @@
-"""Superquadrics, spherocylinders and tori against their closed formulas."""
+"""Superquadrics, spherocylinders, tori, hollow cylinders and tablets against their closed formulas."""
 
 import math
 
@@ -141,3 +141,82 @@ def test_tori(major, minor):
     assert diagnose(shape).ok
     assert not shape.contains([[0.0, 0.0, 0.0]])[0]
     assert shape.contains([[major, 0.0, 0.0]])[0]
+
+
+def hollow(radius, height, hole, holes):
+    """Return the area, volume and moments about x, y and z of a cylinder with holes, in closed form."""
+    sine = math.sin(math.pi / holes)
+    away = 0.0 if holes == 1 else (radius + hole) / (1 + 2 * sine)
+    full, one = math.pi * radius**2 * height, math.pi * hole**2 * height
+    x, y = (away * f(2 * np.pi * np.arange(holes) / holes) for f in (np.cos, np.sin))
+    solid = np.array([(3 * radius**2 + height**2) / 12] * 2 + [radius**2 / 2]) * full
+    lost = np.array([(3 * hole**2 + height**2) / 12] * 2 + [hole**2 / 2]) * one * holes
+    lost += one * np.array([(y**2).sum(), (x**2).sum(), holes * away**2])
+    area = 2 * math.pi * (height * (radius + holes * hole) + radius**2 - holes * hole**2)
+    return np.array([area, full - holes * one, *(solid - lost)])
+
+
+@pytest.mark.parametrize(("holes", "hole"), [(1, 0.4), (1, 1.9), (2, 0.5), (4, 0.7), (7, 0.3), (19, 0.1)])
+def test_hollow_cylinders(holes, hole):
+    family, more = ("ring", {}) if holes == 1 else ("hollow_cylinder", {"holes": holes})
+    true, misses = hollow(2.0, 3.0, hole, holes), []
+    for tolerance in (0.01, 0.0025):
+        shape = vg.make_shape(family, radius=2.0, height=3.0, hole_radius=hole, tolerance=tolerance, **more)
+        refuse_dirty(shape.vertices, shape.faces, family)
+        found = np.array([shape.surface_area, shape.volume, *np.diag(shape.inertia)])
+        misses.append(np.abs(found / true - 1).max())
+        x, y, z = shape.vertices.T
+        assert np.abs(z) == pytest.approx(1.5)
+        outer = np.hypot(x, y) > 2.0 - 1e-9
+        assert np.hypot(x[outer], y[outer]) == pytest.approx(2.0, rel=1e-13)
+        assert shape.centroid == pytest.approx(0, abs=1e-12)
+        assert shape.inertia == pytest.approx(np.diag(np.diag(shape.inertia)), abs=1e-2)
+        # a closed surface with as many holes
+        assert len(shape.vertices) - len(shape.faces) // 2 == 2 - 2 * holes
+    assert misses[0] < 0.06
+    assert misses[1] < 0.6 * misses[0]
+
+
+@pytest.mark.parametrize("holes", [1, 2, 3, 5, 30])
+def test_walls_of_hollow_cylinders_have_equal_widths(holes):
+    shape = vg.make_shape("hollow_cylinder", holes=holes, diameter=1.0)
+    x, y = np.unique(shape.vertices[:, :2].round(12), axis=0).T
+    outer = np.hypot(x, y)
+    radius = outer.max()
+    inner = outer < radius * (1 - 1e-9)
+    angle = np.round(np.arctan2(y[inner], x[inner]) * holes / (2 * np.pi)).astype(int) % holes
+    if holes == 1:
+        assert outer[inner] == pytest.approx(0.6 * radius)
+        return
+    centers = [np.array([x[inner][angle == k].mean(), y[inner][angle == k].mean()]) for k in range(holes)]
+    hole = np.hypot(*(np.array([x[inner][0], y[inner][0]]) - centers[angle[0]]))
+    between = np.linalg.norm(centers[1] - centers[0]) - 2 * hole
+    assert between == pytest.approx(radius - np.linalg.norm(centers[0]) - hole, rel=1e-6)
+    assert shape.volume == pytest.approx(math.pi / 6)
+
+
+@pytest.mark.parametrize(("height", "cap"), [(3.0, 0.5), (4.0, 2.0), (1.0, 0.5), (5.0, 0.01), (6.0, 2.0)])
+def test_tablets(height, cap):
+    radius, curvature = 2.0, (4.0 + cap**2) / (2 * cap)
+    area = 2 * math.pi * (radius * (height - 2 * cap) + radius**2 + cap**2)
+    volume = math.pi * (radius**2 * (height - 2 * cap) + cap * (3 * radius**2 + cap**2) / 3)
+    # second moments of the disks of which it is a stack
+    t, weight = np.polynomial.legendre.leggauss(20)
+    high, low = height / 2 - cap, cap / 2
+    z, weight = np.concatenate([high + low * (t + 1), high * (t + 1) / 2]), np.outer([low, high / 2], weight).ravel()
+    disk = math.pi * (curvature**2 - (np.maximum(z, high) - height / 2 + curvature) ** 2)
+    along, across = 2 * (weight * disk * z**2).sum(), 2 * (weight * disk**2 / (4 * math.pi)).sum()
+    assert 2 * (weight * disk).sum() == pytest.approx(volume)
+    true, misses = np.array([area, volume, along + across, along + across, 2 * across]), []
+    for tolerance in (0.01, 0.0025):
+        shape = vg.make_shape("tablet", radius=radius, height=height, cap_height=cap, tolerance=tolerance)
+        refuse_dirty(shape.vertices, shape.faces, "tablet")
+        found = np.array([shape.surface_area, shape.volume, *np.diag(shape.inertia)])
+        assert (found < true * (1 + 1e-9)).all()
+        assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-12)
+        across_axis, up = np.hypot(*shape.vertices.T[:2]), np.abs(shape.vertices[:, 2])
+        on_cap = np.hypot(across_axis, up - height / 2 + curvature) - curvature
+        assert np.minimum(np.abs(on_cap), np.abs(across_axis - radius)).max() < 1e-12
+        misses.append(np.abs(found / true - 1).max())
+    assert misses[0] < 0.06
+    assert misses[1] < 0.4 * misses[0]

@@ -88,12 +88,5 @@ def write_candidates(rows: ContactRows, m: int, pair: Pair, found: Floats, many:
         other_arm = (0.0, 0.0, 0.0)
         if pair.offset[0] < math.inf:
             other_arm = sub(along(arm, gap, normal), pair.offset)
-        best, at = MATCH * MATCH, -1
-        for q in range(pair.first, pair.first + pair.count):
-            way = sub(vector_at(rows.old[q], 3), arm)
-            square = dot(way, way)
-            if square < best and dot(row_of(rows.old, q), normal) > ALIKE:
-                best, at = square, q
-        own = Pair(pair.i, pair.j, pair.offset, max(at, 0), 1 if at >= 0 else 0, pair.reach, pair.rest)
-        write_contact(rows, m + k, own, normal, arm, other_arm, gap - pair.rest, MATCH)
+        write_contact(rows, m + k, pair, normal, arm, other_arm, gap - pair.rest, MATCH, ALIKE)
     return m + many

@@ -12,7 +12,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.geometry.vectors import Vector, dot
+from voxgran.geometry.vectors import Vector, dot, sub, vector_at
 
 #: numbers in a row: normal (3) from i to j, arm from centroid i (3), arm from centroid j (3), gap, normal impulse,
 #: tangential impulse (3), and the effective masses along the normal and across it
@@ -177,12 +177,14 @@ def begin_pair(search: Search, p: int, m: int, kind: int, reach: float) -> tuple
 
 @bare_kernel
 def write_contact(
-    rows: ContactRows, m: int, pair: Pair, normal: Vector, arm: Vector, other_arm: Vector, gap: float, within: float
-) -> None:
+    rows: ContactRows, m: int, pair: Pair, normal: Vector, arm: Vector, other_arm: Vector, gap: float, within: float,
+    alike: float = -2.0,
+) -> None:  # fmt: skip
     """Write row m: normal from i to j, arms from both centroids, and the gap.
 
-    Of the old rows of the pair the nearest that no other took passes on its impulses if its arm on i is within a
-    distance. An old row is taken when its number of column 14 is negative.
+    The nearest old row of the pair passes on its impulses if its arm on i is within a distance, and the cosine of the
+    normals is above `alike`: to the nearest new row, which takes them from one that was written before. The numbers of
+    columns 14 and 15 of an old row are then -1 minus the row that has them, and the square of the distance.
     """
     row = rows.row[m]
     rows.i[m], rows.j[m] = pair.i, pair.j
@@ -190,15 +192,22 @@ def write_contact(
     row[3], row[4], row[5] = arm
     row[6], row[7], row[8] = other_arm
     row[9] = gap
-    ax, ay, az = arm
+    for column in range(10, 15):
+        row[column] = 0.0
     best, at = within * within, -1
     for k in range(pair.first, pair.first + pair.count):
         old = rows.old[k]
-        square = (old[3] - ax) ** 2 + (old[4] - ay) ** 2 + (old[5] - az) ** 2
-        if square < best and old[14] >= 0.0:
+        way = sub(vector_at(old, 3), arm)
+        square = dot(way, way)
+        if square < best and (old[14] >= 0.0 or square < old[15]) and dot(vector_at(old, 0), normal) > alike:
             best, at = square, k
+    if at < 0:
+        return
+    old = rows.old[at]
+    if old[14] < 0.0:
+        taker = rows.row[-1 - int(old[14])]
+        for column in range(10, 14):
+            taker[column] = 0.0
     for column in range(10, 14):
-        row[column] = rows.old[at, column] if at >= 0 else 0.0
-    row[14] = 0.0
-    if at >= 0:
-        rows.old[at, 14] = -1.0
+        row[column] = old[column]
+    old[14], old[15] = -1.0 - m, best

@@ -19,10 +19,13 @@ from voxgran.shapes.families.regular.box import Box as Box
 from voxgran.shapes.families.regular.cone import Cone as Cone
 from voxgran.shapes.families.regular.cylinder import Cylinder as Cylinder
 from voxgran.shapes.families.regular.ellipsoid import Ellipsoid as Ellipsoid
+from voxgran.shapes.families.regular.hollow_cylinder import HollowCylinder as HollowCylinder
 from voxgran.shapes.families.regular.platonic import Platonic as Platonic
+from voxgran.shapes.families.regular.ring import Ring as Ring
 from voxgran.shapes.families.regular.sphere import Sphere as Sphere
 from voxgran.shapes.families.regular.spherocylinder import Spherocylinder as Spherocylinder
 from voxgran.shapes.families.regular.superquadric import Superquadric as Superquadric
+from voxgran.shapes.families.regular.tablet import Tablet as Tablet
 from voxgran.shapes.families.regular.torus import Torus as Torus
 from voxgran.shapes.families.surfaces.crumpled import Crumpled as Crumpled
 from voxgran.shapes.families.surfaces.random_surface import RandomSurface as RandomSurface

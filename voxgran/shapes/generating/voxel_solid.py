@@ -34,7 +34,7 @@ def voxel_solid(
     InputError
         If the diameter and the edge are both given, or one is not above 0.
     """
-    refuse_both(diameter, (("edge", edge),), aspect=None)
+    refuse_both(diameter, (("edge", edge),))
     vertices, faces = voxel_surface(_cut(mask))
     if edge is not None:
         return Shape.of(Mesh(vertices * as_positive(edge, "edge"), faces), name=name, record=record)

@@ -11,6 +11,7 @@ from voxgran._base.scalars import cube_root
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.tessellate import sides_of
 
 #: largest ratio of the minor to the major radius: the hole keeps a width that rounding does not close
 FATTEST = 0.999
@@ -78,9 +79,7 @@ def _mesh(major: float, minor: float, tolerance: float) -> Mesh:
     Half of the tolerance is taken by the sides of the section and half by those of the outer circle.
     """
     error = tolerance / 2 * cube_root(12 * math.pi * major * minor**2)
-    around, across = (
-        max(8, math.ceil(math.pi / math.acos(max(1 - error / radius, 0.5)))) for radius in (major + minor, minor)
-    )
+    around, across = sides_of(major + minor, error), sides_of(minor, error)
     turn, tilt = 2 * np.pi * np.arange(around) / around, 2 * np.pi * np.arange(across) / across
     flat = (major + minor * libm.cos(tilt))[None, :]
     x, y, z = libm.cos(turn)[:, None] * flat, libm.sin(turn)[:, None] * flat, minor * libm.sin(tilt)
