@@ -42,7 +42,7 @@ from voxgran.scene.entries import (
     with_densities,
     with_material_densities,
 )
-from voxgran.scene.keys import DENSITIES, Listed, Mistakes, Packed, names_of, refuse_unknown
+from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknown
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.twins.section import TwinEntry, twin_scene
@@ -415,7 +415,9 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     count, start = packing.get("count"), packing.get("start")
     return {
         "count": None if count is None else as_count(count, "[packing] count", at_most=None),
-        "solid_fraction": as_solid_fraction(*map(packing.get, DENSITIES), where="[packing] "),
+        "solid_fraction": as_solid_fraction(
+            packing.get("solid_fraction"), packing.get("porosity"), packing.get("void_ratio"), "[packing] "
+        ),
         "start": None if start is None else str(existing_file(place / str(start))),
     }
 

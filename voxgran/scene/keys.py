@@ -134,7 +134,7 @@ class ClumpOfShape:
 
 
 #: keys of [packing] of which one says how dense the grains become
-DENSITIES = ("solid_fraction", "porosity", "void_ratio")
+DENSITIES: tuple[str, ...] = ("solid_fraction", "porosity", "void_ratio")
 
 
 @parameter_class

@@ -251,8 +251,9 @@ def ends(
             made = [compressed(case, start)[0] for start in starts_of]
             reasons = [specimen.stop_reason for specimen in made]
             proofs = [is_confirmed(one, friction, case.stress) for one in made if one.stop_reason == "compressed"]
-            many = [reasons.count(reason) for reason in ("compressed", "yielded", "steps")]
-            rows.append(Ends(name, friction, ratio, len(made), *many, "" if None in proofs else proofs.count(True)))
+            bears, yielded, steps = (reasons.count(reason) for reason in ("compressed", "yielded", "steps"))
+            confirmed = "" if None in proofs else proofs.count(True)
+            rows.append(Ends(name, friction, ratio, len(made), bears, yielded, steps, confirmed))
     return rows
 
 
