@@ -411,11 +411,8 @@ class Page:
                 turns = {"loading": (f"taking == '{file}'",), "id": f"take-{file}"}
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, **turns)
             html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
-            taking: dict[str, Any] = {
-                "click": TAKE.format(file="engine + '.zip'"),
-                "id": ("'take-' + engine + '.zip'",),
-                "loading": ("taking == engine + '.zip'",),
-            }
+            file = "engine + '.zip'"
+            taking = {"click": TAKE.format(file=file), "loading": (f"taking == {file}",), "id": (f"'take-' + {file}",)}
             v3.VBtn("{{ engine }}", v_for="engine in engines", size="x-small", variant="text", **taking)
             v3.VBtn(
                 "Figures of the report",

@@ -72,6 +72,16 @@ def as_value(text: str) -> Any:
 VOXEL_SIZE = _flag(
     "--voxel-size", type=as_value, help="edge of a voxel, or its three edges: x,y,z; default: as the file says"
 )
+#: an image, and what is said of one without a header
+IMAGE: tuple[Flag, ...] = (
+    _flag(
+        "file",
+        help="image: .npy, .npz, .tif, .png, .vti, .nrrd, .mha, .mhd, .mat, .raw, .zarr, .h5, or a folder of slices",
+    ),
+    _flag("--key", help="which array of an .npz, .vti, .mat or HDF5 file"),
+    _flag("--shape", type=as_value, help="voxels along x, y and z of a file without a header (.raw): nx,ny,nz"),
+    _flag("--dtype", help="type of its numbers, such as uint16, or '>u2' with the highest byte first"),
+)
 #: where to compute
 DASK = _flag("--dask", help="address of a Dask scheduler, such as tcp://127.0.0.1:8786, to compute there")
 #: whether a page has a view beside its pictures
@@ -175,11 +185,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", default="comparison.html", help="HTML file; the numbers go beside it as JSON"),
         INTERACTIVE,
     ),
-    "image": (
-        _flag("what", choices=("info",), help="info: voxels, lengths, values and labels"),
-        _flag("file", help="image: .npy, .npz, .tif, .png, .vti, .nrrd, .mha or .mhd, or a folder of DICOM slices"),
-        _flag("--key", help="which array of an .npz or .vti file"),
-    ),
+    "image": (_flag("what", choices=("info",), help="info: voxels, lengths, values and labels"), *IMAGE),
     "twin": (
         *PACKING,
         _flag("--count", type=int, help="number of grains; default: as many as the sample has whole"),
@@ -194,7 +200,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         RESUME,
     ),
     "labels": (
-        _flag("file", help="label image: .npy, .npz, .tif, .vti, .nrrd, .mha or .mhd"),
+        *IMAGE,
         VOXEL_SIZE,
         _flag("--segment", action="store_true", help="the image holds grey values, of which labels are made first"),
         _flag("--border", choices=("keep", "drop"), default="keep", help="grains that the image cuts"),
@@ -204,12 +210,11 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--gravity", type=as_value, help="where gravity acts in the sample: -z or x,y,z; default: nowhere"),
         _flag("--min-size", type=int, help="voxels of the smallest labels; default: 1, with --segment 64"),
         _flag("--unit", help="unit of the voxel size"),
-        _flag("--key", help="which array of an .npz or .vti file"),
         DASK,
         _flag("-o", "--output", help="file for the packing that the sample is: .vtp"),
     ),
     "segment": (
-        _flag("file", help="grey image: .npy, .npz, .tif, .vti or .nrrd"),
+        *IMAGE,
         VOXEL_SIZE,
         _flag("--threshold", type=as_value, default="otsu", help="grey value above which a voxel is solid, or otsu"),
         _flag("--dark-grains", action="store_true", help="grains are darker than the void"),
@@ -219,7 +224,6 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             type=float,
             help="decrease of the distance to the void between two grains; default: a tenth of that in the smaller",
         ),
-        _flag("--key", help="which array of an .npz or .vti file"),
         DASK,
         _flag("--picture", help="PNG file: slices with the outlines of the grains, those in doubt marked"),
         _flag("-o", "--output", help="file for the labels: .vti, .tif, .zarr or .npy"),

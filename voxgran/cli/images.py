@@ -19,9 +19,10 @@ MOST_READ = 2**28
 
 def opened(options: argparse.Namespace) -> Image:
     """Return the image in a file; where there is a cluster, in blocks that it computes."""
-    if options.dask is None:
-        return image_of(options.file, options.key)
-    return voxgran.open_image(options.file, key=options.key, dask=options.dask)
+    header = {"shape": options.shape, "dtype": options.dtype}
+    if getattr(options, "dask", None) is None:
+        return image_of(options.file, options.key, **header)
+    return voxgran.open_image(options.file, key=options.key, dask=options.dask, **header)
 
 
 def labels(options: argparse.Namespace) -> None:
@@ -30,10 +31,10 @@ def labels(options: argparse.Namespace) -> None:
         check_output(options.output, overwrite=options.overwrite)
     given = {
         name: getattr(options, name)
-        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
+        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit")
     }
     smallest: dict[str, Any] = {} if options.min_size is None else {"min_size": options.min_size}
-    source: Any = opened(options) if options.segment or options.dask is not None else options.file
+    source: Any = opened(options)
     if options.segment:
         source = voxgran.segment(source, voxel_size=options.voxel_size, **smallest)
     with progress(options) as on_step:
@@ -52,7 +53,7 @@ def info(options: argparse.Namespace) -> None:
     InputError
         If the image has not three axes.
     """
-    image = image_of(options.file, options.key)
+    image = opened(options)
     values: Any = image.values
     if values.ndim != 3 or not values.size:
         raise InputError(

@@ -1,11 +1,14 @@
 """Folders of slices, values without a header and files of MATLAB: `load_image` and `open_image` read them alike."""
 
+import json
+
 import numpy as np
 import pytest
 from PIL import Image as Picture
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError
+from voxgran.cli import main
 
 pytestmark = pytest.mark.usefixtures("forked_readers")
 
@@ -147,3 +150,16 @@ def test_tiff_packed_in_the_usual_ways(packing, read, tmp_path):
     found = np.asarray(read(tmp_path / "slice.tif"))
     found = found.reshape(values.shape[::-1])
     assert any(np.abs(one.astype(float) - values.T).max() <= 4 for one in (found, found[:, ::-1]))
+
+
+def test_commands_read_files_without_a_header(tmp_path, capsys):
+    labels = np.zeros((6, 8, 10), dtype=">u2")
+    labels[1:4, 1:5, 2:8], labels[4:6, 5:8, 2:8] = 1, 2
+    (tmp_path / "scan.raw").write_bytes(labels.tobytes(order="F"))
+    known = ["--shape", "6,8,10", "--dtype", ">u2"]
+    assert main(["image", "info", str(tmp_path / "scan.raw"), *known, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["voxels"] == "6 x 8 x 10"
+    assert main(["labels", str(tmp_path / "scan.raw"), *known, "--voxel-size", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["grains"] == 2
+    assert main(["image", "info", str(tmp_path / "scan.raw")]) == 2
+    assert "at the prompt --shape nx,ny,nz --dtype uint16" in capsys.readouterr().err

@@ -225,8 +225,8 @@ def _refuse_raw(path: Path, key: str | None) -> Image:
     """Refuse a file without a header."""
     del key
     raise FileFormatError(
-        f"{path} has {path.stat().st_size} bytes and no header: read it with load_image(path, shape=(nx, ny, nz), "
-        "dtype='uint16'), with its own numbers of voxels and type"
+        f'{path} has {path.stat().st_size} bytes and no header: give shape=(nx, ny, nz) and dtype="uint16", at the '
+        "prompt --shape nx,ny,nz --dtype uint16, with its own numbers of voxels and type"
     )
 
 

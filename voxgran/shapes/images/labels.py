@@ -210,8 +210,9 @@ def label_table(
     return dataset
 
 
-def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | None = None) -> Image:
-    """Return an image that is given as a file, as an array or as it is.
+def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | None = None, **header: Any) -> Image:
+    """Return an image that is given as a file, as an array or as it is; the shape and the dtype are those of a file
+    without a header.
 
     Raises
     ------
@@ -224,7 +225,7 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
     """
     if isinstance(source, str | os.PathLike):
         path = as_path(source)
-        return open_image(path, key=key) if is_kept_in_parts(path) else load_image(path, key=key)
+        return (open_image if is_kept_in_parts(path) else load_image)(path, key=key, **header)
     if isinstance(source, Image):
         return source
     return Image(as_array(source, "image") if lazy_of(source) is None else source)
