@@ -86,7 +86,7 @@ def _levels(conductance: Singles, ends: Singles) -> list[Level]:
         found.append((conductance, ends))
         if max(ends.shape) <= COARSEST:
             return found
-        coarser: list[Singles] = []
+        coarser = []
         for axis in range(3):
             lines = np.moveaxis(conductance[axis], axis, 0)
             n = len(lines)
