@@ -95,7 +95,8 @@ def _levels(conductance: Singles, ends: Singles) -> list[Level]:
             faces = pair_sums(faces, tuple(other for other in range(3) if other != axis))
             # a pair is not its own neighbour
             coarser.append(faces / 2 if n > 2 else np.zeros_like(faces))
-        conductance, ends = np.stack(coarser, dtype=np.float32), pair_sums(ends, (0, 1, 2)) / 2
+        conductance = np.stack(coarser, dtype=np.float32)
+        ends = np.divide(pair_sums(ends, (0, 1, 2)), 2, dtype=np.float32)
 
 
 def _cycle(levels: list[Level], residual: Singles) -> Singles:
