@@ -8,7 +8,7 @@ from kit import dicom_slice
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputError
-from voxgran._base.files import remove_drafts_in, write_files, written_whole
+from voxgran._base.files import refuse_links, remove_drafts_in, write_files, written_whole
 from voxgran.scene.replicates import packings_of_run
 
 pytestmark = pytest.mark.usefixtures("forked_readers")
@@ -65,6 +65,18 @@ def test_links_within_a_folder_of_results_and_to_it_are_no_harm(tmp_path):
     (tmp_path / "there" / "latest.vtp").symlink_to("packing.vtp")
     vg.Scene.from_mapping(SCENE).run(tmp_path / "out", overwrite=True)
     assert vg.load(tmp_path / "there" / "latest.vtp").count == 2
+
+
+def test_a_folder_with_an_environment_may_hold_results(tmp_path):
+    """Its links lead to the Python of the system."""
+    for name in ("env", ".hidden"):
+        (tmp_path / name / "bin").mkdir(parents=True)
+        (tmp_path / name / "bin" / "python").symlink_to("/usr/bin/env")
+    (tmp_path / "env" / "pyvenv.cfg").write_text("home = /usr/bin\n")
+    refuse_links(tmp_path)
+    (tmp_path / "env" / "pyvenv.cfg").unlink()
+    with pytest.raises(OutputError, match="holds env/bin/python, a link to another place"):
+        refuse_links(tmp_path)
 
 
 def test_drafts_that_are_links_are_removed_alone(others, tmp_path):

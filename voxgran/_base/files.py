@@ -287,11 +287,17 @@ def refuse_links(folder: Path, names: str = "**/*") -> None:
         If one does.
     """
     for path in folder.glob(names):
-        if path.is_symlink() and leads_out(path, folder):
+        if path.is_symlink() and leads_out(path, folder) and not _is_of_programs(path.relative_to(folder), folder):
             raise OutputError(
                 f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written: "
                 "remove it, or name another folder"
             )
+
+
+def _is_of_programs(path: Path, folder: Path) -> bool:
+    """Return whether a path in a folder lies in a hidden one or in an environment of Python, where nothing is written."""
+    inner = path.parents[:-1]
+    return any(place.name.startswith(".") or (folder / place / "pyvenv.cfg").is_file() for place in inner)
 
 
 def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
