@@ -295,7 +295,7 @@ def refuse_links(folder: Path, names: str = "**/*") -> None:
 
 
 def _is_of_programs(path: Path, folder: Path) -> bool:
-    """Return whether a path in a folder lies in a hidden one or in an environment of Python, where nothing is written."""
+    """Return whether a path in a folder lies in a hidden one or an environment of Python, where nothing is written."""
     inner = path.parents[:-1]
     return any(place.name.startswith(".") or (folder / place / "pyvenv.cfg").is_file() for place in inner)
 
