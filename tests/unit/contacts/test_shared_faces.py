@@ -171,3 +171,13 @@ def test_the_contact_of_two_blocks_is_the_middle_of_their_face():
     found = vg.packing_of_labels(image, voxel_size=(0.5, 0.4, 0.7)).contacts(0.0)
     assert found.normal[0] == pytest.approx([1, 0, 0], abs=0.01)
     assert found.point[0] == pytest.approx([4.0, 2.4, 3.15], abs=0.25)
+
+
+def test_a_grain_inside_another_that_shares_a_corner_with_it_is_not_beside_it():
+    """Triangles that meet at the corner alone do not tell on which side the others lie."""
+    large = tetrahedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+    small = tetrahedron([(0, 0, 0), (0.3, 0.1, 0.1), (0.1, 0.3, 0.1), (0.1, 0.1, 0.3)])
+    assert common_volume(large, small) == pytest.approx(small.mesh.volume)
+    assert not proven(large, small)
+    beside = tetrahedron([(0, 0, 0), (-0.3, 0.1, 0.1), (-0.1, 0.3, 0.1), (-0.1, 0.1, 0.3)])
+    assert proven(large, beside)
