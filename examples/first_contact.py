@@ -6,8 +6,8 @@ Two random solids approach each other until they touch, and so do the clumps fit
 Sajjadi & Khalili (2015). In each run one body starts at a random position and orientation and approaches the other by
 small random translations and rotations until control points are too close; the last step is bisected to find the
 contact. The script prints the gap that remains between the true surfaces, or their overlap, from the exact contacts of
-the packing, and the direction of the contact point in the frame of the fixed body, which differs between runs. It writes the poses as
-packings and a picture.
+the packing, and the direction of the contact point in the frame of the fixed body, which differs between runs. It
+writes the poses as packings and a picture.
 
 Arguments: folder, number of runs.
 """

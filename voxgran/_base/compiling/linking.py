@@ -182,8 +182,13 @@ class CallerLibrary(JITCodeLibrary):
 
     def _optimize_final_module(self) -> None:
         """Optimize once: numba's cheap passes before bring reference counts together, as the full ones do."""
-        passes, builder = self._codegen._module_pass_manager()
-        passes.run(self._final_module, builder)
+        made = self._codegen._module_pass_manager()
+        if isinstance(made, tuple):
+            passes, builder = made
+            passes.run(self._final_module, builder)
+        else:
+            # numba before 0.62
+            super()._optimize_final_module()
 
 
 def _all_behind(libraries: list[Any]) -> list[Any]:
