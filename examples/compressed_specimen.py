@@ -22,7 +22,7 @@ from voxgran.report.scenes import picture_cut
 folder.mkdir(parents=True, exist_ok=True)
 rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(5)]
 loose = vg.pack(rocks, vg.Box((6, 6, 14), periodic="xyz"), method="rsa", count=200, seed=1)
-specimens = {"isotropic": vg.compress(loose), "oedometric": vg.compress(loose, axes="z")}
+specimens = {"isotropic": vg.compress(loose, shear="held"), "oedometric": vg.compress(loose, axes="z")}
 for name, specimen in specimens.items():
     proof = vg.equilibrium(specimen).attrs
     print(

@@ -318,9 +318,8 @@ def warn_of_imbalance(packing: Packing) -> None:
             PackingWarning,
         )
     if packing.stop_reason == "yielded":
-        asked = np.broadcast_to(record["parameters"]["stress"], packing.dimension)[
-            _moving_axes(packing, record["parameters"])
-        ]
+        axes = _moving_axes(packing, record["parameters"])
+        asked = np.broadcast_to(record["parameters"]["stress"], packing.dimension)[axes]
         warn(
             f"the least axial stress that is asked for is {asked.min() / asked.max():.3g} of the largest one, and the "
             f"least that these grains bear is about {record['stress_ratio']:.2g} of it: they go on shearing at a "
@@ -352,6 +351,11 @@ def warn_of_imbalance(packing: Packing) -> None:
             f"{'xyz'[axis]}, with more grains, or ask for more equal stresses",
             PackingWarning,
         )
+    _warn_of_shear_and_density(packing, record)
+
+
+def _warn_of_shear_and_density(packing: Packing, record: Mapping[str, Any]) -> None:
+    """Warn where a cell that is held has much shear stress, or a solid fraction is missed or that of no bulk."""
     wrap = sum(packing.container.periodic[axis] for axis in _moving_axes(packing, record["parameters"]))
     told = record["parameters"]["shear"] is None and packing.stop_reason == "compressed"
     if told and wrap > 1 and record["shear_ratio"] > MOST_SHEAR:

@@ -103,7 +103,7 @@ def _check_friction(friction: float | Materials | None, sought: float | None) ->
         as_friction(friction, at_most=MOST_FRICTION, sought=sought)
 
 
-def as_solid_fraction(solid_fraction: Any, porosity: Any, void_ratio: Any, where: str = "") -> float | None:
+def as_solid_fraction(solid_fraction: Any, porosity: Any, void_ratio: Any, *, where: str = "") -> float | None:
     """Return the solid fraction that one of three numbers gives; None where all are None.
 
     Raises

@@ -172,7 +172,7 @@ def test_a_solid_fraction_is_met_by_the_friction():
     loose = loose_grains(container=vg.Box((8, 8, 8), periodic="xyz"), count=250)
     found = vg.compress(loose, solid_fraction=0.6)
     sought = found.provenance["compression"]["sought"]
-    assert sought["met"]
+    assert (sought["met"], sought["measure"]) == (True, "solid_fraction")
     assert sought["reached"] == pytest.approx(0.6, abs=0.002)
     assert found.provenance["compression"]["parameters"]["friction"] < 0.3
     assert found.verify().ok

@@ -108,8 +108,8 @@ class Ends:
 
 #: frictions and ratios of these specimens, and the solid fraction of their starts
 FRICTIONS, RATIOS, THIN = (0.0, 0.1, 0.3, 0.5, 1.0), (1.0, 1.5, 2.5), 0.2
-#: residual of a grain in balance, in mean normal forces, and the least share of such grains of a confirmed specimen
-RESIDUAL, REST = 0.01, 0.98
+#: residual of a grain in balance to what an interior point leaves, and the least share
+RESIDUAL, REST = 0.0101, 0.98
 #: solid fractions of starts, and how many specimens of each are compressed
 STARTS, SEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5), 8
 HEAD = ",".join(f"{field.name}:.4g" if field.type is float else field.name for field in fields(Row))
