@@ -216,9 +216,11 @@ class Problem:
         if voxel_size is not None:
             resolved["voxel_size"] = voxel_size * unit
         resolved.update(told.get("parameters", {}))
+        # the container as it was given, which rounding changes on the way to median diameters and back
+        known = self.given is not None and self.given.scaled(1.0 / unit) == self.container
         return Packing.of(
             self.original,
-            self.container.scaled(unit),
+            self.given if known and self.given is not None else self.container.scaled(unit),
             position=position if unit == 1.0 else position * unit,
             scale=(self.diameter[placed] if diameter is None else diameter) * unit / own[shape_id],
             shape_id=shape_id,
