@@ -44,7 +44,6 @@ DECIMALS = 9
 MOST_CHECKED, SAMPLED = 200, 30
 #: random points drawn at a time, per point that is wanted
 TRIES = 2
-
 #: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
 COARSEST = 0.1
 
@@ -211,8 +210,7 @@ class Problem:
         """
         shape_id, unit = self.shape_id[placed], self.unit_length
         own = np.array([shape.diameter for shape in self.original])
-        told = dict(provenance or {})
-        resolved = to_mapping(self.parameters)
+        told, resolved = dict(provenance or {}), to_mapping(self.parameters)
         if voxel_size is not None:
             resolved["voxel_size"] = voxel_size * unit
         resolved.update(told.get("parameters", {}))
