@@ -15,7 +15,7 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError, shown
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.progress import Step, repeated
 from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform, lazy_mask
@@ -76,7 +76,7 @@ def local_thickness(
         If the image has not three axes, no voxel is free, an edge of a voxel is not a length, or `periodic` names no
         axes.
     TooLargeError
-        If the image of cubes would have 2**32 voxels or more.
+        If the image of cubes would have 2**32 voxels or more, or a diagonal of 2**15.
     MissingLibraryError
         If the image is a dask array and zarr is not installed.
 
@@ -103,6 +103,14 @@ def local_thickness(
     edges, around, lazy = known_edges(voxel_size, mask), as_periodic(periodic), lazy_of(mask)
     taken = as_mask(mask) if lazy is None else lazy_mask(lazy)
     if edges is not None and not are_equal(edges):
+        if (
+            lazy is None
+            and sum((n * edge / min(edges)) ** 2 for n, edge in zip(taken.shape, edges, strict=True)) >= NEVER
+        ):
+            raise TooLargeError(
+                f"voxel_size is {shown(edges)}: the diagonal of the mask must be shorter than 2**15 of the smallest "
+                "edge; cut the mask"
+            )
         cubes = resample(taken, to="cubic", voxel_size=edges, method="nearest")
         found = local_thickness(cubes, voxel_size=min(edges), periodic=around, threads=threads)
         places = [

@@ -44,7 +44,6 @@ DECIMALS = 9
 MOST_CHECKED, SAMPLED = 200, 30
 #: random points drawn at a time, per point that is wanted
 TRIES = 2
-
 #: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
 COARSEST = 0.1
 
@@ -211,14 +210,15 @@ class Problem:
         """
         shape_id, unit = self.shape_id[placed], self.unit_length
         own = np.array([shape.diameter for shape in self.original])
-        told = dict(provenance or {})
-        resolved = to_mapping(self.parameters)
+        told, resolved = dict(provenance or {}), to_mapping(self.parameters)
         if voxel_size is not None:
             resolved["voxel_size"] = voxel_size * unit
         resolved.update(told.get("parameters", {}))
+        # the container as it was given, which rounding changes on the way to median diameters and back
+        known = self.given is not None and self.given.scaled(1.0 / unit) == self.container
         return Packing.of(
             self.original,
-            self.container.scaled(unit),
+            self.given if known and self.given is not None else self.container.scaled(unit),
             position=position if unit == 1.0 else position * unit,
             scale=(self.diameter[placed] if diameter is None else diameter) * unit / own[shape_id],
             shape_id=shape_id,

@@ -20,6 +20,8 @@ from voxgran.settling.projected_gradient import accelerated_projected_gradient, 
 #: iterations of the first round, while each further round has twice as many; largest share of moving grains with which
 #: clusters are solved; share of undecided grains below which the search ends, and part to which a round must reduce it
 FIRST, FEW, ENOUGH, FEWER = 512, 0.02, 5e-4, 0.5
+#: part of the distance from the optimum to which the search goes on for undecided grains
+NEARER = 0.25
 #: size of a cluster about the grains in question, in contacts: of a cluster among fixed neighbours, one more in each
 #: round, and of a cluster whose forces change while all others are held; most iterations for each
 ALONE, HELD, LOCAL = 1, 4, 2048
@@ -38,7 +40,7 @@ def decide_rest(
     Return also the iterations made, and the distance from the optimum as `accelerated_projected_gradient` does.
 
     friction: (m,) or (1,).  limit: (n + 1, 2) accelerations up to which bodies rest, and those of points at their
-    radius of gyration.  near: distance from the optimum at which the search ends.
+    radius of gyration.  near: distance from the optimum at which the search ends where no grains are undecided.
     """
     proven, made, size, before, hops = np.zeros(len(limit), dtype=bool), 0, FIRST, len(limit), ALONE
     while True:
@@ -48,18 +50,19 @@ def decide_rest(
             contacts, forces, friction=friction, iterations=min(size, iterations - made), tolerance=asked, near=near
         )
         made += more
-        moving, last = _moves(contacts, found, asked), made >= iterations or distance <= near
+        moving, close, last = _moves(contacts, found, asked), distance <= near, made >= iterations
         few = moving.sum() <= FEW * len(limit)
         if few and moving.any():
             proven |= moving & _part_moves(contacts, forces, friction, limit, _part_of(contacts, moving, hops), size)
             asked = np.where(proven[:, None], ANY, limit)
             moving = _solve_part(contacts, forces, friction, asked, moving & ~proven, size)
-        elif last:
+        elif last or close:
             moving &= ~_moves(contacts, found, limit, _errors(contacts, forces, friction, found))
         left = int(moving.sum())
-        if last or not left or (few and (left < ENOUGH * (len(limit) - 1) or left > FEWER * before)):
+        if last or not left or ((few or close) and (left < ENOUGH * (len(limit) - 1) or left > FEWER * before)):
             return moving[:-1], made, distance
-        size, before, hops = 2 * size, left if few else before, hops + 1
+        near *= NEARER if close else 1.0
+        size, before, hops = 2 * size, left if few or close else before, hops + 1
 
 
 def _moves(contacts: LoadedContacts, found: Floats, limit: Floats, error: Floats | None = None) -> Booleans:

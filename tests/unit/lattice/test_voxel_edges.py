@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import stream
 from voxgran.lattice.image import Image, known_edges
 
@@ -146,3 +146,11 @@ def test_what_does_not_fit_together_is_refused():
     with pytest.raises(InputError, match="exactly one"):
         vg.resample(mask, to="cubic", factor=2.0, voxel_size=1.0)
     assert known_edges(None, mask) is None
+
+
+@pytest.mark.parametrize("edges", [(1.0, 1.0, 1e9), (1.0, 1e5, 1.0), (1e-5, 1.0, 1.0)])
+def test_thickness_of_edges_that_differ_too_much_is_refused_before_cubes_are_made(edges):
+    mask = np.zeros((4, 4, 4), dtype=bool)
+    mask[1:3, 1:3, 1:3] = True
+    with pytest.raises(TooLargeError, match=r"voxel_size is \(.*cut the mask"):
+        vg.local_thickness(mask, voxel_size=edges)

@@ -27,6 +27,14 @@ def thrown(shapes, container, **more):
     return vg.pack(shapes, container, **{"method": "rsa", "count": 6, **more})
 
 
+@pytest.mark.parametrize("method", ["rsa", "expand", "advancing_front", "deposition", "digital", "gravity"])
+@pytest.mark.parametrize("container", [vg.Box((4, 4, 9)), vg.Box((4.1, 4.3, 9.7), periodic="xy", origin=(0.3, -7, 1))])
+def test_the_container_of_a_packing_is_the_given_one_to_the_last_digit(method, container):
+    packing = vg.pack(vg.make_shape("sphere", diameter=1.3), container, method, count=8, seed=1)
+    assert packing.container == container
+    assert vg.verify(packing).ok
+
+
 def test_a_packing_has_the_unit_of_its_shapes():
     packing = thrown(cube(1.0, "mm"), vg.Box((6, 6, 6)))
     assert packing.unit == "mm"

@@ -312,4 +312,15 @@ def test_forces_that_a_packing_keeps_prove_rest_where_the_search_does_not():
     assert vg.equilibrium(bed, friction=0.01).attrs["share_at_rest"] < 1.0
     # forces that do not balance prove nothing
     doubled = replace(bed.forces, force=2.0 * bed.forces.force)
-    assert vg.equilibrium(replace(bed, forces=doubled)).attrs["share_at_rest"] < 1.0
+    assert vg.equilibrium(replace(bed, forces=doubled), friction=0.01).attrs["share_at_rest"] < 1.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("rod", [vg.shapes.spherocylinder(aspect=30.0), vg.shapes.box(aspect=(1, 1, 40))])
+def test_slender_grains_at_rest_are_known_to_rest_without_their_forces(rod, seed):
+    size = 2.0 * rod.bounding_radius
+    loose = vg.pack(rod, vg.Box((1.5 * size, 1.5 * size, 2.5 * size)), "rsa", count=20, seed=seed)
+    bed = vg.settle(loose, gravity="-z", friction=0.5)
+    found = vg.equilibrium(replace(bed, forces=None), friction=0.5)
+    assert found.attrs["share_at_rest"] >= bed.provenance["settling"]["resting"] - 1e-12
+    assert found.attrs["share_undecided"] == 0.0

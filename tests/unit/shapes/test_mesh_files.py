@@ -149,6 +149,7 @@ GOOD = {
     "text.stl": stl_text(FACES),
     "one_line.stl": stl_text(FACES).replace("\nvertex", " vertex").replace("\nend", " end"),
     "named.stl": stl_text(FACES).replace("solid box", "solid vertex of a vertex"),
+    "words.stl": stl_text(FACES).replace("solid box", "solid endfacet endsolid"),
     "colors.off": off_text(MIXED).replace("\n3 ", " 0.5 1\n3 ").replace("\n4 ", " 0.5 1\n4 "),
     "joined.off": "\t " + off_text(QUADS).replace("OFF\n", "OFF").replace("0\n", "0 # or nah\n", 1),
     "longer_rows.ply": ply_longer(MIXED),

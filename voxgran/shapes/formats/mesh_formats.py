@@ -84,6 +84,10 @@ def _read_text_stl(raw: bytes, name: str) -> Polygons:
     except ValueError as error:
         raise FileFormatError(f"{name} is no STL file ({reason_of(error)}): write it again") from None
     many = len(first) - 1
+    if many != 3 * ends[0]:
+        # names of solids may hold such words
+        text = re.sub(rb"(?m)^([ \t]*(?:end)?solid)\b.*", rb"\1", text)
+        ends = text.count(b"endfacet"), text.count(b"endsolid")
     if many != 3 * ends[0] or not ends[1] or len(numbers) != 3 * many:
         raise FileFormatError(
             f"{name} holds {many} vertices for {ends[0]} complete triangles: it is cut; write it again"
