@@ -416,7 +416,7 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     return {
         "count": None if count is None else as_count(count, "[packing] count", at_most=None),
         "solid_fraction": as_solid_fraction(
-            packing.get("solid_fraction"), packing.get("porosity"), packing.get("void_ratio"), "[packing] "
+            packing.get("solid_fraction"), packing.get("porosity"), packing.get("void_ratio"), where="[packing] "
         ),
         "start": None if start is None else str(existing_file(place / str(start))),
     }

@@ -325,6 +325,9 @@ class TwinRequest:
         different = min(as_count(forms, "forms", at_least=1), many)
         if how == "gravity" and gravity is not None:
             parameters.setdefault("gravity", tuple(gravity))
+        if how == "compress":
+            # the stress of a twin is not asked for, and its box stays one
+            parameters.setdefault("shear", "held")
         volume = float((np.pi / 6 * libm.power(sample.laid_sizes(many), 3)).sum()) / wanted
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
         first = as_count(seed, "seed")
