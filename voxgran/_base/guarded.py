@@ -99,7 +99,8 @@ def read_part(reader: Callable[..., Content], path: Path, *, size: int, **option
         If the file is damaged, or unpacks to much more than `size`.
     """
     memory = MEMORY + MEMORY_PER_PART * size
-    request, idle = _request(reader, path, options, size, memory), _idle(os.getpid())
+    # the folder of this process may have changed since a kept one was started
+    request, idle = _request(reader, path.absolute(), options, size, memory), _idle(os.getpid())
     process = _waiting(idle, request, path)
     is_kept = False
     try:

