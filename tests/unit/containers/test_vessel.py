@@ -257,5 +257,5 @@ def test_a_gutter_and_triangles_enclose_nothing(tmp_path):
     with pytest.raises(InputError, match="encloses no space"):
         vg.Vessel(written(tmp_path / "gutter.stl", (np.concatenate(ends), faces)))
     flat = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
-    with pytest.raises((DirtyMeshError, InputError), match="no closed surface|encloses no space"):
+    with pytest.raises((DirtyMeshError, InputError), match=r"no closed surface|encloses no space"):
         vg.Vessel(written(tmp_path / "flat.stl", flat))
