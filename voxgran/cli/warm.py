@@ -75,7 +75,7 @@ ADDING: dict[str, dict[str, Any]] = {
 #: scenes whose kernels are compiled, and grains of the demo then
 CHOICES, FEW = ("all", "demo"), 12
 #: number of kernels that all scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 164
+KERNELS = 161
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
