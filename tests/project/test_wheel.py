@@ -22,7 +22,8 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 MOST_BYTES = 5_000_000
 #: what a wheel holds beside Python files
-SUFFIXES = {".cpp", ".cu", ".in", ".js", ".kernel", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md", ".toml"}
+OTHERS = "cpp csv cu in j2 js kernel md npy obj pyi toml typed"
+SUFFIXES = {".py", *(f".{ending}" for ending in OTHERS.split())}
 #: the first lines of the tutorial, with a scan that travels with the package
 TUTORIAL = """
 from pathlib import Path
