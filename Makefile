@@ -60,7 +60,7 @@ FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench \
+.PHONY: demo warm test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench \
   studies figures pages clean \
   $(BENCHES) $(TABLES) $(STUDIES) $(EXAMPLES) example-hulls_on_a_front example-report \
   example-app study-density table-block_speed table-first_calls
@@ -72,6 +72,8 @@ demo: $(STAMP)   ## pack a small scene, check it, and write files and a report t
 $(WARM): $(STAMP)
 	@tools/timed.sh $(VENV) warm "all kernels are compiled, as tests need them" $(BIN)/voxgran doctor --warm
 	touch $@
+
+warm: $(WARM)   ## compile all kernels that tests use
 
 test: $(WARM)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
 	@OMP_NUM_THREADS=1 tools/timed.sh $(VENV) test "about 11,600 tests run in $(WORKERS) processes" \
