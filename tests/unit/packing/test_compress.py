@@ -114,7 +114,8 @@ def test_a_cell_that_tilts_has_no_shear_stress(name, friction, asked, seed):
     assert stress[: len(asked), : len(asked)] == pytest.approx(tensor, abs=0.01)
     proofs = [vg.equilibrium(specimen, stress=given) for given in (None, asked, tensor)]
     assert [proof.attrs["balanced"] for proof in proofs] == [int(specimen.forces.share_at_rest == 1.0)] * 3
-    assert float(specimen.measure("compression")["shear_ratio"]) == pytest.approx(proofs[0].attrs["shear_ratio"])
+    told = float(specimen.measure("compression")["shear_ratio"])
+    assert told == pytest.approx(proofs[0].attrs["shear_ratio"], abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))
