@@ -9,7 +9,9 @@ from kit import dicom_slice
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputError
 from voxgran._base.files import refuse_links, remove_drafts_in, write_files, written_whole
+from voxgran.cli import main
 from voxgran.scene.replicates import packings_of_run
+from voxgran.shapes.outline import Outline
 
 pytestmark = pytest.mark.usefixtures("forked_readers")
 
@@ -69,14 +71,27 @@ def test_links_within_a_folder_of_results_and_to_it_are_no_harm(tmp_path):
 
 def test_a_folder_with_an_environment_may_hold_results(tmp_path):
     """Its links lead to the Python of the system."""
-    for name in ("env", ".hidden"):
-        (tmp_path / name / "bin").mkdir(parents=True)
-        (tmp_path / name / "bin" / "python").symlink_to("/usr/bin/env")
-    (tmp_path / "env" / "pyvenv.cfg").write_text("home = /usr/bin\n")
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    (tmp_path / ".venv" / "bin" / "python").symlink_to("/usr/bin/env")
     refuse_links(tmp_path)
-    (tmp_path / "env" / "pyvenv.cfg").unlink()
-    with pytest.raises(OutputError, match="holds env/bin/python, a link to another place"):
+    (tmp_path / ".venv").rename(tmp_path / "cells")
+    (tmp_path / "cells" / "pyvenv.cfg").write_text("home = /usr/bin\n")
+    with pytest.raises(OutputError, match="holds cells/bin/python, a link to another place"):
         refuse_links(tmp_path)
+
+
+def test_files_beside_the_one_that_is_named_are_no_links(others, tmp_path):
+    """A deck, a page with its numbers, many shapes: their names are those that voxgran gives."""
+    place = tmp_path / "place"
+    place.mkdir()
+    bed = vg.Packing.of(vg.shapes.sphere(), vg.Box((3, 3, 3)), position=[(1, 1, 1)])
+    for name in ("lammps_run.in", "page.json", "sphere_0.stl"):
+        (place / name).symlink_to(others / "thesis.tex")
+    with pytest.raises(OutputError, match="link to another place"):
+        vg.write_deck(bed, place, "lammps", overwrite=True)
+    with pytest.raises(OutputError, match="link to another place"):
+        write_files({place / "page.html": "page", place / "page.json": "{}"})
+    assert main(["shape", "sphere", "--count", "2", "-o", str(place), "--overwrite"]) == 1
 
 
 def test_drafts_that_are_links_are_removed_alone(others, tmp_path):
@@ -155,3 +170,10 @@ def test_a_folder_that_cannot_be_replaced_stays(tmp_path, monkeypatch):
         draft.mkdir()
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
     assert (tmp_path / "scene" / "a.vtp").read_text() == "old"
+
+
+def test_a_disk_has_its_center_somewhere():
+    """A file with another one read outside of arrays when near grains were sought."""
+    for center in ((np.nan, 0.0), (0.0, np.inf)):
+        with pytest.raises(InputError, match="center"):
+            Outline("disk", radius=0.5, center=center)

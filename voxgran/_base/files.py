@@ -287,21 +287,28 @@ def refuse_links(folder: Path, names: str = "**/*") -> None:
         If one does.
     """
     for path in folder.glob(names):
-        if path.is_symlink() and leads_out(path, folder) and not _is_of_programs(path.relative_to(folder), folder):
+        if path.is_symlink() and leads_out(path, folder) and not _is_hidden(path.relative_to(folder)):
             raise OutputError(
                 f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written: "
                 "remove it, or name another folder"
             )
 
 
-def _is_of_programs(path: Path, folder: Path) -> bool:
-    """Return whether a path in a folder lies in a hidden one or an environment of Python, where nothing is written."""
-    inner = path.parents[:-1]
-    return any(place.name.startswith(".") or (folder / place / "pyvenv.cfg").is_file() for place in inner)
+def _is_hidden(path: Path) -> bool:
+    """Return whether a path lies in a hidden folder, where nothing is written: environments of Python are such."""
+    return any(place.name.startswith(".") for place in path.parents)
 
 
 def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
-    """Write several files of text or bytes, all or none of them; `overwrite` is that of :func:`written_whole`."""
+    """Write several files of text or bytes, all or none of them; `overwrite` is that of :func:`written_whole`.
+
+    Raises
+    ------
+    OutputError
+        If one of several is a link to another place: most of them have names that the caller did not choose.
+    """
+    for path in contents if len(contents) > 1 else ():
+        refuse_links(path.parent, path.name)
     with contextlib.ExitStack() as stack:
         for path, content in contents.items():
             draft = stack.enter_context(written_whole(path, overwrite=overwrite))

@@ -9,7 +9,7 @@ from typing import Any
 import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran._base.files import made_folder, write_text
+from voxgran._base.files import made_folder, refuse_links, write_text
 from voxgran._base.progress import Step
 from voxgran.cli.terminal import progress, show, warn
 from voxgran.report.stage import check_picture_path
@@ -73,7 +73,7 @@ def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
     form = voxgran.describe(shapes)
     written = []
     if folder is not None:
-        made_folder(folder)
+        refuse_links(made_folder(folder), "*")
         digits = len(str(options.count - 1))
         files = [f"{options.family}_{k:0{digits}}.{options.format or 'stl'}" for k in range(len(shapes))]
         for made, file in zip(shapes, files, strict=True):

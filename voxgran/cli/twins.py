@@ -5,7 +5,7 @@ import argparse
 import voxgran
 from voxgran._base.arrays import as_count
 from voxgran._base.checkpoint import remove_checkpoint
-from voxgran._base.files import as_path
+from voxgran._base.files import as_path, refuse_links
 from voxgran.cli.settling import begin
 from voxgran.cli.terminal import progress, show
 from voxgran.packing.model import Packing
@@ -25,8 +25,11 @@ def twin(options: argparse.Namespace, sample: Packing) -> None:
     ------
     OutputExistsError
         If a file, or the checkpoint of an interrupted run, is there and is not to be replaced.
+    OutputError
+        If a link in the folder leads to another place.
     """
     out, seeds = as_path(options.output), 1 if options.seeds is None else options.seeds
+    refuse_links(out, "*")
     many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
     further = [f"twin_{options.seed + k}.vtp" for k in range(1, many)]
     checkpoints = checkpoints_of(out / CHECKPOINT, many)

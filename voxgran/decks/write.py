@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, as_choice, as_count, as_number, check_t
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, shown
-from voxgran._base.files import as_path, refuse_to_replace, write_files
+from voxgran._base.files import as_path, refuse_links, refuse_to_replace, write_files
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
@@ -163,6 +163,8 @@ def write_deck(
     paths = tuple(place / name for name in texts)
     if not overwrite:
         refuse_to_replace(*paths)
+    for name in texts:
+        refuse_links(place, name)
     write_files(dict(zip(paths, texts.values(), strict=True)))
     return Deck(engine=engine, folder=place, files=paths, simulation=simulation, packing=held, command=found.command)
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, read_only
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, as_vector, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Moments
@@ -51,6 +51,7 @@ class Outline(Moments):
         corners = as_points(self.vertices, "vertices", dimension=2).copy()
         if self.kind == "disk":
             object.__setattr__(self, "radius", as_positive(self.radius, "radius"))
+            object.__setattr__(self, "center", tuple(as_vector(self.center, "center", length=2).tolist()))
             corners = corners[:0]
         else:
             _refuse_crooked(corners)
