@@ -278,8 +278,7 @@ def files_in(folder: Path) -> list[Path]:
 
 
 def refuse_links(folder: Path, names: str = "**/*") -> None:
-    """Refuse a folder for results in which a link leads out of it, where `names` may be written: files elsewhere would
-    be.
+    """Refuse a folder for results in which a link leads out of it, where `names` may be written.
 
     Raises
     ------
@@ -287,16 +286,11 @@ def refuse_links(folder: Path, names: str = "**/*") -> None:
         If one does.
     """
     for path in folder.glob(names):
-        if path.is_symlink() and leads_out(path, folder) and not _is_hidden(path.relative_to(folder)):
-            raise OutputError(
-                f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written: "
-                "remove it, or name another folder"
-            )
-
-
-def _is_hidden(path: Path) -> bool:
-    """Return whether a path lies in a hidden folder, where nothing is written: environments of Python are such."""
-    return any(place.name.startswith(".") for place in path.parents)
+        # nothing is written into hidden folders, such as environments of Python
+        is_hidden = any(place.name.startswith(".") for place in path.relative_to(folder).parents)
+        if path.is_symlink() and leads_out(path, folder) and not is_hidden:
+            told = f"{folder} holds {path.relative_to(folder)}, a link to another place, where nothing may be written"
+            raise OutputError(f"{told}: remove it, or name another folder")
 
 
 def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
@@ -305,8 +299,9 @@ def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True)
     Raises
     ------
     OutputError
-        If one of several is a link to another place: most of them have names that the caller did not choose.
+        If one of several is a link to another place.
     """
+    # most of them have names that the caller did not choose
     for path in contents if len(contents) > 1 else ():
         refuse_links(path.parent, path.name)
     with contextlib.ExitStack() as stack:
