@@ -66,7 +66,7 @@ FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
   example-app study-density table-block_speed table-first_calls
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
-	@tools/timed.sh $(VENV) demo "340 scanned rocks and random solids are packed by two methods and settled, and a page shows them" \
+	@tools/timed.sh $(VENV) demo "scanned rocks and random solids are packed by two methods and settled, and a page shows them" \
 	  $(BIN)/voxgran demo -o out/demo --overwrite
 
 $(WARM): $(STAMP)
@@ -76,7 +76,7 @@ $(WARM): $(STAMP)
 warm: $(WARM)   ## compile all kernels that tests use
 
 test: $(WARM)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
-	@OMP_NUM_THREADS=1 tools/timed.sh $(VENV) test "about 11,600 tests run in $(WORKERS) processes" \
+	@OMP_NUM_THREADS=1 tools/timed.sh $(VENV) test "all tests but the long ones run in $(WORKERS) processes" \
 	  $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples

@@ -134,7 +134,7 @@ def compress(
         stretch together or by more than ten times what the densest grains bear with that friction, grains overlap so
         deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
     VoxgranError
-        If grains overlap at the end, where they bear no such stress, although the container has given way.
+        If grains overlap at the end, where they bear no such stress, although the container has been widened.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError

@@ -86,9 +86,9 @@ BORNE = 1.02
 FLOWED = 1.0
 #: most strain of a step, in the largest one at the beginning: more only where stresses are missed by several times
 LARGEST = 2.0
-#: rounds in which a container gives way at the end until grains that have no room are apart, and the share of their
+#: rounds in which a container is widened at the end until grains that have no room are apart, and the share of their
 #: overlap by which it is stretched in each
-GIVING_WAY, GIVES = 40, 0.25
+WIDENINGS, WIDENED = 40, 0.25
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
 MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
@@ -294,7 +294,7 @@ class Compressor(Resumable):
         self.bed.deform(gradient, deformed(self.container, self.progress.gradient))
 
     def _part_at_last(self) -> None:
-        """Part grains that are left without balance; where they have no room, the container gives way.
+        """Part grains that are left without balance; where they have no room, the container is widened.
 
         Raises
         ------
@@ -304,14 +304,14 @@ class Compressor(Resumable):
         bed = self.bed
         self.progress.exact = int(self._surfaces)
         bed.finders.exact = self._surfaces
-        for _ in range(GIVING_WAY):
+        for _ in range(WIDENINGS):
             part_grains(bed, PARTED, ROUNDS)
             if (smallest := self._smallest_gap()) >= 0.0:
                 return
-            self._deform(np.diag(np.where(self._moves, 1.0 + GIVES * max(-smallest, PARTED), 1.0)))
+            self._deform(np.diag(np.where(self._moves, 1.0 + WIDENED * max(-smallest, PARTED), 1.0)))
         raise VoxgranError(
             f"grains overlap by {-smallest:.2g} median diameters after {self.progress.step + 1} steps, although the "
-            "container gave way: begin with grains that are apart, or ask for more equal stresses"
+            "container was widened: begin with grains that are apart, or ask for more equal stresses"
         )
 
     def _goes_around(self) -> bool:

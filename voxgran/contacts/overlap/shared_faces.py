@@ -106,7 +106,7 @@ def _mark_first(faces, common, first):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _root_of(parent, node):  # type: ignore[no-untyped-def]
-    """Return the first node of a set, and shorten the way to it."""
+    """Return the first node of a set, and shorten the path to it."""
     while parent[node] != node:
         parent[node] = parent[parent[node]]
         node = parent[node]
