@@ -84,8 +84,8 @@ def _laid_out(pieces: NDArray[np.int32], many: int, wraps: Booleans) -> Integers
 
 
 @inlined_kernel
-def _root(above, run):  # type: ignore[no-untyped-def]
-    """Return the first run of the piece of a run."""
+def root_of(above: Integers, run: int) -> int:
+    """Return the first run of the piece of a run, or the first of the set of any element, and halve the path to it."""
     while above[run] != run:
         above[run] = above[above[run]]
         run = above[run]
@@ -95,7 +95,7 @@ def _root(above, run):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _join(above, one, two):  # type: ignore[no-untyped-def]
     """Make one piece of the pieces of two runs."""
-    first, second = _root(above, one), _root(above, two)
+    first, second = root_of(above, one), root_of(above, two)
     above[max(first, second)] = min(first, second)
 
 
@@ -150,7 +150,7 @@ def _remove_pieces(labels, among, wraps):  # type: ignore[no-untyped-def]
     size, pieces = np.zeros(many, dtype=np.int64), np.zeros(len(among), dtype=np.int64)
     largest = np.full(len(among), -1, dtype=np.int64)
     for run in range(many):
-        size[_root(above, run)] += runs[run, 2] - runs[run, 1]
+        size[root_of(above, run)] += runs[run, 2] - runs[run, 1]
     for run in range(many):
         label = runs[run, 0]
         if above[run] == run:
@@ -159,7 +159,7 @@ def _remove_pieces(labels, among, wraps):  # type: ignore[no-untyped-def]
                 largest[label] = run
     for row in range(nx * ny):
         for run in range(rows[row], rows[row + 1]):
-            if among[runs[run, 0]] and _root(above, run) != largest[runs[run, 0]]:
+            if among[runs[run, 0]] and root_of(above, run) != largest[runs[run, 0]]:
                 for k in range(runs[run, 1], runs[run, 2]):
                     labels[row // ny, row % ny, k] = 0
     return pieces

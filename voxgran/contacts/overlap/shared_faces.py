@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.contacts.solid import Solid
 from voxgran.geometry.crossing import meet_beyond_corners
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.triangles import normals_of
+from voxgran.lattice.label_pieces import root_of
 
 
 def shared_by_neighbours(
@@ -92,25 +93,16 @@ def _mark_first(faces, common, first):  # type: ignore[no-untyped-def]
         known = -1
         for corner in faces[t]:
             if not common[corner]:
-                root = _root_of(parent, corner)
+                root = root_of(parent, corner)
                 parent[root] = root if known < 0 else known
                 known = parent[root]
     for t in range(len(faces)):
         first[t] = True
         for corner in faces[t]:
             if not common[corner]:
-                root = _root_of(parent, corner)
+                root = root_of(parent, corner)
                 first[t], seen[root] = not seen[root], True
                 break
-
-
-@bare_kernel
-def _root_of(parent, node):  # type: ignore[no-untyped-def]
-    """Return the first node of a set, and shorten the path to it."""
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
 
 
 def _side(points: Floats, low: Floats, high: Floats) -> NDArray[np.uint8]:
