@@ -133,6 +133,8 @@ def _draw(rows: list[Row], path: Path) -> None:
         for panel, dimension in zip(panels, (2, 3), strict=True):
             for method, label in labels.items():
                 here = [row for row in rows if row.dimension == dimension and row.method == method]
+                if not here:
+                    continue
                 xs, ys = [row.spheres for row in here], [row.exponent for row in here]
                 panel.errorbar(xs, ys, yerr=[row.error for row in here], marker="o", capsize=3, label=label)
             panel.axhline(RANDOM[dimension], color="k", linestyle=":", label="Dodds & Weitz 2002")
