@@ -19,7 +19,7 @@ QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clu
 # modules are compiled once, also where the environment says that none are kept
 unexport PYTHONDONTWRITEBYTECODE
 
-# what `make pages` makes anew: trade-offs, tables of programs in tools/ with their files, studies, and examples with
+# what `make pages` makes anew: benchmarks, tables of programs in tools/ with their files, studies, and examples with
 # their arguments and the files that pages show
 BENCHES := $(addprefix bench-,clumps compression contact density deposits dice digital distance exponents front \
   gradation jamming labels measures relax rsa rsa_shapes sampling scale segmentation settle shapes spheres tessellation \
@@ -60,8 +60,8 @@ FILES_twin_of_scan := twin_of_scan.png twin_mixes.png
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo warm test test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs docs dist bench \
-  studies figures pages clean \
+.PHONY: demo warm test test-bench test-slow test-perturbed test-lowest test-engines test-browser test-dist lint stubs \
+  docs dist bench studies figures pages clean \
   $(BENCHES) $(TABLES) $(STUDIES) $(EXAMPLES) example-hulls_on_a_front example-report \
   example-app study-density table-block_speed table-first_calls
 
@@ -75,9 +75,13 @@ $(WARM): $(STAMP)
 
 warm: $(WARM)   ## compile all kernels that tests use
 
-test: $(WARM)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
+test: $(WARM)   ## the tests, without those of benchmarks and those marked slow or browser, file by file in WORKERS processes
 	@OMP_NUM_THREADS=1 tools/timed.sh $(VENV) test "all tests but the long ones run in $(WORKERS) processes" \
-	  $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
+	  $(BIN)/python -m pytest -m "not slow and not browser" --ignore=tests/benchmarks --numprocesses=$(WORKERS) \
+	  --dist=loadfile --durations=25
+
+test-bench: $(STAMP)   ## the tests of benchmarks, with small numbers
+	$(BIN)/python -m pytest -m "not slow" tests/benchmarks
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
@@ -127,7 +131,7 @@ test-dist: dist   ## install the wheel in a fresh environment outside the checko
 bench: $(BENCHES) $(TABLES) table-block_speed table-first_calls   ## run time against error of voxelization, distances and packing, as figures
 
 $(BENCHES): bench-%: $(STAMP)
-	$(BIN)/voxgran bench $* -o docs/figures
+	$(BIN)/python -m benchmarks $* -o docs/figures
 
 # programs that are compared
 bench-compression bench-relax bench-scale bench-settle example-fall_height: | $(ENGINES)/.ok

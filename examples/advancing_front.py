@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_cut, picture_packing
 
 folder, grains = arguments(__doc__, folder=Path("out/advancing_front"), grains=6000)

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, count = arguments(__doc__, folder=Path("out/checked_beds"), count=400)
 folder.mkdir(parents=True, exist_ok=True)

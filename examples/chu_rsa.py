@@ -24,7 +24,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, orders, corrections = arguments(__doc__, folder=Path("out/chu_rsa"), orders=10, corrections=2)
 candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7

@@ -24,7 +24,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, orders, most = arguments(__doc__, folder=Path("out/chu_totals"), orders=5, most=5000)
 radii, shares, touching = np.array([0.3, 0.4, 0.5]), np.array([0.4, 0.3, 0.3]), 1e-7

@@ -15,7 +15,7 @@ import matplotlib.image
 import numpy as np
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, spheres = arguments(__doc__, folder=Path("out/clump_methods"), spheres=15)
 rows_in = folder / "rows"

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments, write_rows
+from benchmarks.model import arguments, write_rows
 
 folder, count, sweeps, seeds = arguments(__doc__, folder=Path("out/control_studies"), count=150, sweeps=60, seeds=1)
 width = (0.6 * count) ** (1 / 3)

@@ -16,7 +16,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 [folder] = arguments(__doc__, folder=Path("out/deformed_grains"))
 shapes = [vg.make_shape("sphere"), vg.make_shape("ellipsoid", aspect=(1.3, 1.0, 0.8))]

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, count = arguments(__doc__, folder=Path("out/directions"), count=200)
 steps, walkers, cone = 64, 40_000, np.deg2rad(15)

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import PEERS, arguments, peer_arrays
+from benchmarks.model import PEERS, arguments, peer_arrays
 
 folder, count, seeds = arguments(__doc__, folder=Path("out/fall_height"), count=1000, seeds=2)
 folder.mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.geometry.rotation import normalized, product, rotation_matrices
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing

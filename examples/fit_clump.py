@@ -10,7 +10,7 @@ the distance from the true surface.
 from pathlib import Path
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 [folder] = arguments(__doc__, folder=Path("out/fit_clump"))
 body = vg.load_shape(vg.data_file("itokawa_lp.obj"))

@@ -15,7 +15,7 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments, write_rows
+from benchmarks.model import arguments, write_rows
 from voxgran.report.scenes import picture_cut
 
 folder, count = arguments(__doc__, folder=Path("out/hulls_on_a_front"), count=5000)

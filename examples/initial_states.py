@@ -12,7 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_cut
 
 [folder] = arguments(__doc__, folder=Path("out/initial_states"))

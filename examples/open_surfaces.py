@@ -15,7 +15,7 @@ import pyvista
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_packing
 
 [folder] = arguments(__doc__, folder=Path("out/open_surfaces"))

@@ -8,7 +8,7 @@ Random solids are packed under gravity and settle, the packing is verified again
 from pathlib import Path
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 [folder] = arguments(__doc__, folder=Path("out/rocks"))
 rocks = [vg.make_shape("solid_union", seed=seed, solids=(3, 5)) for seed in range(3)]

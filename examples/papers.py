@@ -17,7 +17,7 @@ import matplotlib.image
 import numpy as np
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, count = arguments(__doc__, folder=Path("out/papers"), count=400)
 rows_in = folder / "rows"

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_packing
 
 folder, count = arguments(__doc__, folder=Path("out/scan_to_packing"), count=200)

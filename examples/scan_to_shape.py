@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.gallery import picture_shapes
 
 [folder] = arguments(__doc__, folder=Path("out/scan"))

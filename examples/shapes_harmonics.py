@@ -11,7 +11,7 @@ Arguments: folder, number of siblings.
 from pathlib import Path
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, count = arguments(__doc__, folder=Path("out/shapes_harmonics"), count=8)
 folder.mkdir(parents=True, exist_ok=True)

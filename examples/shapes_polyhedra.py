@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.gallery import picture_shapes
 from voxgran.shapes.families.random.polyhedron import sphere_swept, steiner_volume
 from voxgran.shapes.families.regular.superquadric import volume_of

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.gallery import picture_shapes
 
 folder, seeds = arguments(__doc__, folder=Path("out/shapes_roughness"), seeds=3)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 
 folder, count = arguments(__doc__, folder=Path("out/shapes_unions"), count=7)
 ROWS = {

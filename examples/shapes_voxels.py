@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.geometry.rotation import rotation_matrices
 
 [folder] = arguments(__doc__, folder=Path("out/shapes_voxels"))

@@ -15,7 +15,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_packing
 
 folder, grains = arguments(__doc__, folder=Path("out/sphere_families"), grains=600)

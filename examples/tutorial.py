@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.force_chains import picture_forces
 
 [folder] = arguments(__doc__, folder=Path("out/tutorial"))

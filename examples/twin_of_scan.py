@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran.bench.model import arguments
+from benchmarks.model import arguments
 from voxgran.report.scenes import picture_cut
 
 folder, count = arguments(__doc__, folder=Path("out/twin_of_scan"), count=250)

@@ -39,7 +39,7 @@ ARROWS["io"] = ARROWS["measures"] | {"measures"}
 ARROWS["decks"] = ARROWS["io"] | {"io"}
 ARROWS["report"] = ARROWS["decks"] | {"decks"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}
-ARROWS["study"] = ARROWS["bench"] = ARROWS["testing"] = ARROWS["app"] = ARROWS["scene"] | {"scene"}
+ARROWS["study"] = ARROWS["testing"] = ARROWS["app"] = ARROWS["scene"] | {"scene"}
 #: imports between the sub-rooms of packing/, each with its reason; all of them may import the files at the top of it
 LATERAL = {
     # how deep a bed will be is said before any method begins

@@ -6,14 +6,15 @@ The Python of the pages runs as it is written, in an empty folder, without files
 import re
 import runpy
 import subprocess
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from kit import slow
 
+from benchmarks.model import benchmarks
 from voxgran._base.errors import EngineError
-from voxgran.bench.model import trade_offs
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -23,7 +24,7 @@ PAGES = TOOL.pages()
 QUICK = ("README.md", "tutorial.md")
 #: columns that are other numbers on every run: of times, and of as many attempts as there is time for
 TIMES = re.compile("second|calibration|ratio_to|accepted|bytes|memory|_mib")
-#: trade-offs that take more than ten minutes, or programs that this machine may lack
+#: benchmarks that take more than ten minutes, or programs that this machine may lack
 LEFT_OUT = ("scale", "settle", "twin_loops", "compression", "relax")
 
 
@@ -71,7 +72,7 @@ def test_the_rows_of_a_table_have_as_many_cells_as_its_head(page):
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_the_programs_and_tests_that_a_page_names_exist(page):
     text = page.read_text()
-    assert set(re.findall(r"bench\s(\w+)`", text)) <= set(trade_offs().names())
+    assert set(re.findall(r"-m benchmarks\s(\w+)`", text)) <= set(benchmarks())
     for file in re.findall(r"\b(?:examples|tools|tests)/[\w/]+\.(?:py|toml)\b", text):
         assert (ROOT / file).is_file(), file
 
@@ -87,11 +88,11 @@ def made_by_make():
     asked = ["make", "--dry-run", "--always-make", "figures", "bench", "studies"]
     commands = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     commands = commands.replace("\\\n", " ")
-    sources = {path.stem: path.read_text() for path in (ROOT / "voxgran" / "bench" / "tradeoffs").rglob("*.py")}
+    sources = {path.stem: path.read_text() for path in (ROOT / "benchmarks").rglob("*.py")}
     found = set(re.findall(r"docs/figures/([\w.]+)", commands)) | {"house.svg"}
     for line in re.findall(r"^cp (.*) docs/figures$", commands, flags=re.MULTILINE):
         found |= {Path(word).name for word in line.split()}
-    for name in re.findall(r"voxgran bench (\w+) -o docs/figures$", commands, flags=re.MULTILINE):
+    for name in re.findall(r"-m benchmarks (\w+) -o docs/figures$", commands, flags=re.MULTILINE):
         found |= {f"{name}.{end}" for end in ("csv", "svg")} | set(re.findall(r'"(\w+\.\w{3})"', sources[name]))
     if "APP_PICTURES=docs/figures" in commands:
         tested = (ROOT / "tests" / "browser" / "test_app.py").read_text()
@@ -106,17 +107,17 @@ def test_every_file_of_the_figures_is_made_by_make_and_stands_on_a_page():
     assert {name for name in names if f"figures/{name}" not in text} == set()
 
 
-def test_every_trade_off_is_a_target_of_make():
+def test_every_benchmark_is_a_target_of_make():
     text = (ROOT / "Makefile").read_text().replace("\\\n", " ")
     assert set(re.search(r"^BENCHES := \$\(addprefix bench-,(.*)\)", text, re.MULTILINE)[1].split()) == set(
-        trade_offs().names()
+        benchmarks()
     )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in trade_offs().names() if name not in LEFT_OUT])
-def test_a_trade_off_gives_the_numbers_of_its_files_but_for_times(name, tmp_path):
-    made = [path for path in trade_offs().get(name).run(tmp_path) if path.suffix == ".csv"]
+@pytest.mark.parametrize("name", [name for name in benchmarks() if name not in LEFT_OUT])
+def test_a_benchmark_gives_the_numbers_of_its_files_but_for_times(name, tmp_path):
+    made = [path for path in import_module(benchmarks()[name]).run(tmp_path) if path.suffix == ".csv"]
     for path in made:
         assert [lasting(row) for row in rows(path)] == [lasting(row) for row in rows(FIGURES / path.name)], path.name
 

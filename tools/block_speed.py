@@ -22,7 +22,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import voxgran as vg
-from voxgran.bench.model import write_rows
+from benchmarks.model import write_rows
 
 VOXEL, BLOCK = 1 / 30, 128
 

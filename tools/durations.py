@@ -9,9 +9,9 @@ import csv
 import json
 import time
 
+from benchmarks.model import arguments
 from voxgran._base.files import written_whole
 from voxgran._base.machine import yardstick
-from voxgran.bench.model import arguments
 from voxgran.scene.checked_sections import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.duration import FEATURES, Step, steps_of

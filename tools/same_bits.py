@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 #: rooms and files of pictures, statistics of studies, and times, on which no result depends
-NOT_RESULTS = ("app", "bench", "cli", "report", "study", "testing", "thumbnail")
+NOT_RESULTS = ("app", "cli", "report", "study", "testing", "thumbnail")
 #: what NumPy hands to BLAS or LAPACK
 PRODUCTS = (
     *(

@@ -7,7 +7,7 @@ share at rest of a bed of 100 such grains by ``gravity``. Seconds are CPU second
 import time
 
 import voxgran as vg
-from voxgran.bench.model import arguments, write_rows
+from benchmarks.model import arguments, write_rows
 
 SCANS = {"eros": "eros.obj", "itokawa": "itokawa_lp.obj"}
 FACES = (200, 500, 1000, 2000, 5000)

@@ -104,8 +104,6 @@ CALLS: tuple[tuple[Callable[..., Any], Any, tuple[str, ...]], ...] = (
         ("fit_clump(shape_or_voxels: Shape | Voxels, *, method: {} = ..., **keywords: {}) -> Clump",),
     ),
 )
-#: former values by parameter: calls accept them with a warning, types do not offer them
-FORMER_VALUES = {"contact": "'points', "}
 
 
 class WhatIsAccepted(ast.NodeTransformer):
@@ -123,13 +121,11 @@ class WhatIsAccepted(ast.NodeTransformer):
         return ast.parse(f"Sequence[{entry}] | NDArray[Any]", mode="eval").body
 
 
-def accepted(key: str, kind: ast.expr, *, ranges: bool = False) -> str:
-    """Return the text of the type that a call accepts for a parameter, without former values; with `ranges`, also pairs
-    in place of numbers.
-    """
+def accepted(kind: ast.expr, *, ranges: bool = False) -> str:
+    """Return the text of the type that calls accept for a parameter; with `ranges`, also pairs in place of numbers."""
     if isinstance(kind, ast.Constant):  # an annotation in quotation marks
         kind = ast.parse(str(kind.value), mode="eval").body
-    text = ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
+    text = ast.unparse(WhatIsAccepted().visit(kind))
     return re.sub(r"^(Whole|Number)\b", r"\1Range", text) if ranges else text
 
 
@@ -176,7 +172,7 @@ def keywords_classes(classes: list[type], base: str, shared: set[str], *, ranges
 def keywords_class(name: str, parent: str, annotations: dict[str, ast.expr], *, ranges: bool = False) -> str:
     """Return the text of a class of keywords."""
     head = f"class {name}({parent}, total=False):"
-    lines = [f"    {key}: {accepted(key, kind, ranges=ranges)}\n" for key, kind in annotations.items()]
+    lines = [f"    {key}: {accepted(kind, ranges=ranges)}\n" for key, kind in annotations.items()]
     return f"{head}\n{''.join(lines)}"
 
 
@@ -205,7 +201,7 @@ def shapes_stub() -> str:
     for name in families().names():
         entry = families().get(name)
         words = [
-            f"{key}: {accepted(key, kind, ranges=True)}{f' = {ast.unparse(default)}' if default else ''}"
+            f"{key}: {accepted(kind, ranges=True)}{f' = {ast.unparse(default)}' if default else ''}"
             for key, (kind, default) in fields_of(entry.parameters).items()
         ]
         words += ["seed: Whole = 0"] if entry.random else []

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 import voxgran as vg
-from voxgran.bench.model import arguments, write_rows
+from benchmarks.model import arguments, write_rows
 
 EDGES = (40, 80, 120, 160)
 #: edge of a voxel

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 import voxgran as vg
+from benchmarks.model import arguments, write_rows
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
-from voxgran.bench.model import arguments, write_rows
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import normalized_bed
 from voxgran.settling.impulses import Fall, advance_bodies

@@ -14,8 +14,8 @@ import time
 
 import numpy as np
 
+from benchmarks.model import arguments, write_rows
 from voxgran._base.kernels import bare_kernel
-from voxgran.bench.model import arguments, write_rows
 from voxgran.packing.digital import simd
 
 #: edge of a voxel, in diameters: columns of one word, and of several

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import voxgran as vg
+from benchmarks.model import arguments, write_rows
 from voxgran._base.seeds import stream
-from voxgran.bench.model import arguments, write_rows
 from voxgran.report import view
 from voxgran.report.colors import coloring, colors_of
 from voxgran.shapes.tessellate import sphere

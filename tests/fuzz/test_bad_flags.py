@@ -64,7 +64,7 @@ GOOD = {
     "data": [],
 }
 #: a run, a page or an engine for each value takes minutes; what they are given is checked by what the others call
-LEFT_OUT = {"run", "study", "report", "compare", "relax", "bench", "doctor", "demo", "app"}
+LEFT_OUT = {"run", "study", "report", "compare", "relax", "doctor", "demo", "app"}
 #: flags that name what is written: absolute paths are left out, which would be written to
 WRITTEN = {"--output", "--checkpoint", "--picture", "--gallery"}
 

@@ -103,7 +103,7 @@ def test_the_files_that_the_plan_of_the_house_names_exist():
     for room, names in (row for row in rows if row[0] in ROOMS()):
         there = {path.stem for path in (ROOT / "voxgran" / room).rglob("*")}
         # a key, a function, and folders elsewhere
-        others = {"kind", "measure", "report", "bench_peers"}
+        others = {"kind", "measure", "report", "benchmarks"}
         assert set(re.findall(r"`([a-z_]+)/?`", names)) - there <= others, room
 
 

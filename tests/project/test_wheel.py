@@ -116,7 +116,7 @@ def test_the_wheel_is_small_and_holds_the_package_only(wheel):
     assert {name.split("/")[0] for name in package} == {"voxgran"}
     assert {Path(name).suffix for name in package} == SUFFIXES
     assert {name for name in package if Path(name).suffix in (".npy", ".obj", ".md")} == set(included().values())
-    assert [name for name in names if re.search(r"(^|/)(tests?|bench_peers|docs|examples|figures)/", name)] == []
+    assert [name for name in names if re.search(r"(^|/)(tests?|benchmarks|docs|examples|figures)/", name)] == []
     written = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("voxgran/**/*.py")}
     assert written == {name for name in package if name.endswith(".py")}
 

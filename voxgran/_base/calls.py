@@ -1,4 +1,4 @@
-"""Calls that do not fit a signature, in one sentence with what is right, and former names of arguments."""
+"""Calls that do not fit a signature, in one sentence with what is right."""
 
 import dataclasses
 import inspect
@@ -7,7 +7,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from voxgran._base.arrays import as_flag
-from voxgran._base.errors import CallError, nearest, unknown, warn_former
+from voxgran._base.errors import CallError, nearest, unknown
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -66,42 +66,6 @@ def explained_methods(cls: type[T]) -> type[T]:
     return cls
 
 
-def renamed(**former: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Accept former names of keyword arguments, as in ``largest_hole="max_hole"``, with a DeprecationWarning
-    (decorator).
-
-    Raises
-    ------
-    CallError
-        By the decorated function, if both names are given.
-    """
-
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        name = function.__qualname__.removesuffix(".__init__")
-
-        @wraps(function)
-        def call(*arguments: P.args, **keywords: P.kwargs) -> R:
-            for old, new in former.items():
-                if old in keywords:
-                    if new in keywords:
-                        raise CallError(f"{name} was given {new} twice, also by its former name {old}; leave that out")
-                    warn_former(f"argument {old} of {name} is now {new}; write that name")
-                    keywords[new] = keywords.pop(old)
-            return function(*arguments, **keywords)
-
-        return call
-
-    return decorate
-
-
-def removal_of(cls: type, name: str, where: str) -> str:
-    """Return the sentence that says what replaces a parameter that a class has lost; empty where it never had it."""
-    # a field may have that name too
-    removed = getattr(cls, "removed", None)
-    remedy = removed.get(name) if isinstance(removed, Mapping) else None
-    return f"{where} {name} is not a parameter: {remedy}" if remedy else ""
-
-
 def _broken_rule(
     function: Callable[..., Any], arguments: tuple[object, ...], keywords: Mapping[str, object]
 ) -> str | None:
@@ -127,7 +91,7 @@ def _broken_rule(
         for key in keywords:
             if key not in known:
                 remedy = " (pack, Packing.of, load and load_shape take the unit)" if key == "unit" else ""
-                return removal_of(owner, key, name) or unknown(f"argument of {name}", key, known) + remedy
+                return unknown(f"argument of {name}", key, known) + remedy
     for key in by_position[: len(given)]:
         if key in keywords:
             return f"{name} was given {key} twice, by position and by name"

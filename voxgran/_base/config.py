@@ -3,9 +3,7 @@
 A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`; their meanings stand
 under "Parameters" in its docstring, after the name alone: :func:`document` adds types and bounds. This module turns
 plain mappings (from TOML, JSON or keyword arguments) into such objects and back; an unknown key is an error
-that gives the nearest name. A parameter may have a former name, which is accepted with a DeprecationWarning, and
-bounds, which :func:`check_bounds` enforces and the help prints. A class that has lost parameters says in its class
-attribute `removed`, a mapping of names to sentences, what to use instead.
+that gives the nearest name. A parameter may have bounds, which :func:`check_bounds` enforces and the help prints.
 """
 
 import dataclasses
@@ -22,8 +20,8 @@ from types import FunctionType
 from typing import Any, TypeVar, dataclass_transform
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths, check_type
-from voxgran._base.calls import explained_methods, removal_of
-from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown, warn_former
+from voxgran._base.calls import explained_methods
+from voxgran._base.errors import InputError, UnknownNameError, check_known, shown, unknown
 from voxgran._base.scalars import float_of, nested, number_of, unwrapped, whole_number_of
 
 T = TypeVar("T")
@@ -44,13 +42,7 @@ class Parameter:
     unit: str = ""  # "" if there is none
     type: Any  # type annotation, resolved
     default: Any  # `dataclasses.MISSING` if it must be given
-    former: str = ""  # former name, accepted with a DeprecationWarning
     bounds: Mapping[str, float] = dataclasses.field(default_factory=dict)  # some of `above`, `at_least` and `at_most`
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The name, and the former name if there is one."""
-        return (self.name, self.former) if self.former else (self.name,)
 
     @property
     def type_text(self) -> str:
@@ -68,7 +60,6 @@ def parameter(
     *,
     doc: str = "",
     unit: str = "",
-    former: str = "",
     above: float | None = None,
     at_least: float | None = None,
     at_most: float | None = None,
@@ -77,7 +68,7 @@ def parameter(
 
     `doc` is its meaning, where the docstring of the class does not give it.
 
-    The unit is such as ``"length"``, ``"voxels"``, ``"radian"``; the former name is accepted with a DeprecationWarning.
+    The unit is such as ``"length"``, ``"voxels"``, ``"radian"``.
     The bounds, exclusive below, inclusive below and inclusive above, hold for the value or for each entry of a list.
 
     Examples
@@ -92,7 +83,7 @@ def parameter(
     """
     given = {"above": above, "at_least": at_least, "at_most": at_most}
     bounds = {rule: bound for rule, bound in given.items() if bound is not None}
-    return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "former": former, "bounds": bounds})
+    return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "bounds": bounds})
 
 
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
@@ -224,33 +215,17 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
     UnknownNameError
         If a key is not a parameter of the class.
     InputError
-        If a parameter without default is missing, given by its former name too, or a value has the wrong type.
+        If a parameter without default is missing or a value has the wrong type.
     """
     known = {entry.name: entry for entry in parameters_of(cls)}
-    mapping = _renamed(mapping, known, where)
     for key in mapping:
         if key not in known:
-            gone = removal_of(cls, key, where)
-            raise UnknownNameError(gone or unknown(f"{where} key", key, known, beside=beside))
+            raise UnknownNameError(unknown(f"{where} key", key, known, beside=beside))
     for entry in known.values():
         if entry.default is MISSING and entry.name not in mapping:
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")
     values = {key: _convert(value, known[key].type, f"{where} {key}") for key, value in mapping.items()}
     return cls(**values)
-
-
-def _renamed(mapping: Mapping[str, Any], known: Mapping[str, Parameter], where: str) -> dict[str, Any]:
-    """Return the mapping with the present names of the parameters, and warn of former ones."""
-    present = {entry.former: name for name, entry in known.items() if entry.former}
-    found: dict[str, Any] = {}
-    for key, value in mapping.items():
-        name = present.get(key, key)
-        if name != key:
-            if name in mapping:
-                raise InputError(f"{where} {key} is the former name of {name}, which is given too: leave {key} out")
-            warn_former(f"{where} {key} is called {name} now: the former name is accepted for one release; change it")
-        found[name] = value
-    return found
 
 
 def to_mapping(instance: Any) -> dict[str, Any]:

@@ -182,44 +182,37 @@ def warn(text: str, category: type[Warning]) -> None:
     warnings.warn(text, category, stacklevel=level)
 
 
-def warn_former(text: str) -> None:
-    """Issue a DeprecationWarning of one sentence, as :func:`warn`."""
-    warn(text, DeprecationWarning)
-
-
 #: words that people type for a name of ours, as other programs have it, each with what is suggested: the first that is
 #: known
 _WORDS = """
-array: values; aspect_ratio: aspect elongation; ball: sphere; bounds: container; box: container; callback: on_step;
-center_mass: centroid; center_of_mass: centroid; centers: position; centres: centers position; centroid: position;
-circle: disk; clump: fit_clump; colour: color_by; com: centroid; constant: fixed;
-contact_number: coordination measure; contacts: coordination measure; coordination: measure;
-coordination_number: coordination measure; cube: box; cuboid: box; d: diameter; d50: median; data: values;
-decimate: simplify; density: solid_fraction measure; descriptors: describe; diameter: radius; draw: plot picture;
-dt: time_step; dtype: values; e: young_modulus; export: write_deck save save_shape; figure: plot write_page picture;
-fill: pack; from_file: from_toml load; gaussian: normal lognormal; generate: pack make_shape; generate_packing: pack;
-gradation: sizes; grading: gradation; grain_size: gradation; html: report; image: load_image to_image picture;
-imread: load_image; info: describe; is_watertight: is_open; kind: family; length: lengths height; load_ct: load_image;
-load_mesh: load_shape; load_packing: load; load_stl: load_shape; load_tiff: load_image; make_packing: pack;
-marching_cubes: iso_surface; mass: masses; mass_density: density; material: density; mean: median;
-mesh: load_shape to_pyvista shape to_shape; monodisperse: fixed; mu: friction; n: count max_spheres; n_grains: count;
-n_spheres: count max_spheres; neighbors: contacts; neighbours: contacts; normal: lognormal; nu: poisson_ratio;
-num: count; number: count; open: load; open_image: load_image; pack: run; packing_fraction: solid_fraction density;
-pair_correlation: rdf measure; passed: ok; plot: write_page picture; picture: save_picture plot;
-pore_size: voids measure; pore_size_distribution: voids measure; pores: voids measure; porosimetry: voids measure;
-porosity: solid_fraction density measure; positions: position; profile: measure; progress: on_step;
-psd: gradation sieve; quaternion: orientation; r: radius; radial_distribution: rdf measure; radii: diameters;
-read: load from_file; read_mesh: load_shape; read_packing: load; read_stl: load_shape; read_tiff: load_image;
-reduce: simplify; remesh: simplify; render: plot picture; repeats: seeds; replicates: seeds; report: save_report;
-resize: resample; rho: density; save: save_shape save_cloud save_deformed write_page; save_packing: save; scene: base;
-segment: labels; shake: settle; shape: make_shape values; shape_factors: describe; show: plot write_page picture;
-simulate: settle relax; size: lengths diameter; sizes: diameters; solid_fraction: density; sphere_packing: pack;
-spheres: clump max_spheres centers; square: rectangle box; std: sigma; summary: numbers describe;
-tetrahedron: platonic; threshold: segment; to_csv: to_dataframe table; to_dataframe: table; to_file: save save_shape;
-to_mesh: to_pyvista to_shape; to_stl: save save_shape; to_vtk: save; type: kind family; version: __version__;
-view: plot picture; void_ratio: solid_fraction density; volume_fraction: solid_fraction density;
-voronoi: local_density measure; watershed: segment; weight: share; write: save; write_lammps: write_deck;
-write_vtk: save
+acceleration: shaking settle; array: values; aspect_ratio: aspect elongation; ball: sphere; bounds: container; box:
+container; callback: on_step; center_mass: centroid; center_of_mass: centroid; centers: position; centres: centers
+position; centroid: position; circle: disk; clump: fit_clump; colour: color_by; com: centroid; constant: fixed;
+contact_number: coordination measure; contacts: coordination measure; coordination: measure; coordination_number:
+coordination measure; cube: box; cuboid: box; d: diameter; d50: median; data: values; decimate: simplify; density:
+solid_fraction measure; descriptors: describe; diameter: radius; draw: plot picture; dt: time_step; dtype: values; e:
+young_modulus; export: write_deck save save_shape; figure: plot write_page picture; fill: pack; friction: settle;
+from_file: from_toml load; gaussian: normal lognormal; generate: pack make_shape; generate_packing: pack; gradation:
+sizes; grading: gradation; grain_size: gradation; html: report; image: load_image to_image picture; imread: load_image;
+info: describe; is_watertight: is_open; kind: family; length: lengths height; load_ct: load_image; load_mesh:
+load_shape; load_packing: load; load_stl: load_shape; load_tiff: load_image; make_packing: pack; marching_cubes:
+iso_surface; mass: masses; mass_density: density; material: density; mean: median; mesh: load_shape to_pyvista shape
+to_shape; monodisperse: fixed; mu: friction settle; n: count max_spheres; n_grains: count; n_spheres: count max_spheres;
+neighbors: contacts; neighbours: contacts; normal: lognormal; nu: poisson_ratio; num: count; number: count; open: load;
+open_image: load_image; pack: run; packing_fraction: solid_fraction density; pair_correlation: rdf measure; passed: ok;
+picture: save_picture plot; plot: write_page picture; pore_size: voids measure; pore_size_distribution: voids measure;
+pores: voids measure; porosimetry: voids measure; porosity: solid_fraction density measure; positions: position;
+profile: measure; progress: on_step; psd: gradation sieve; quaternion: orientation; r: radius; radial_distribution: rdf
+measure; radii: diameters; read: load from_file; read_mesh: load_shape; read_packing: load; read_stl: load_shape;
+read_tiff: load_image; reduce: simplify; remesh: simplify; render: plot picture; repeats: seeds; replicates: seeds;
+report: save_report; resize: resample; rho: density; save: save_shape save_cloud save_deformed write_page; save_packing:
+save; scene: base; segment: labels; shake: settle; shaking: settle; shape: make_shape values; shape_factors: describe;
+show: plot write_page picture; simulate: settle relax; size: lengths diameter; sizes: diameters; solid_fraction:
+density; sphere_packing: pack; spheres: clump max_spheres centers; square: rectangle box; std: sigma; summary: numbers
+describe; tetrahedron: platonic; threshold: segment; to_csv: to_dataframe table; to_dataframe: table; to_file: save
+save_shape; to_mesh: to_pyvista to_shape; to_stl: save save_shape; to_vtk: save; type: kind family; version:
+__version__; view: plot picture; void_ratio: solid_fraction density; volume_fraction: solid_fraction density; voronoi:
+local_density measure; watershed: segment; weight: share; write: save; write_lammps: write_deck; write_vtk: save
 """
 #: words that say nothing of what a name is of
 LITTLE_WORDS = frozenset({"from", "get", "is", "load", "make", "of", "save", "set", "to", "with", "write"})

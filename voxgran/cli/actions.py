@@ -281,14 +281,6 @@ def _described(entry: Any) -> dict[str, Any]:
     return {"summary": entry.summary, "source": getattr(entry, "source", ""), "parameters": told}
 
 
-def bench(options: argparse.Namespace) -> None:
-    """Measure run time against error and write rows and a figure."""
-    from voxgran.bench.model import trade_offs
-
-    for path in trade_offs().get(options.name).run(Path(options.output)):
-        print(path)
-
-
 def app(options: argparse.Namespace) -> None:
     """Put scenes together, run them and look at them in a browser."""
     from voxgran.app.serve import serve

@@ -53,7 +53,6 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
         "list methods, families, sizes, orientations and measures with their parameters",
         _late("actions", "methods"),
     ),
-    "bench": ("measure run time against error", _late("actions", "bench")),
     "doctor": ("say what this machine has and what is missing", _late("doctor", "doctor")),
     "data": ("copy a scan that comes with voxgran", _late("actions", "data")),
     "demo": ("pack scanned rocks and random solids in a box", _late("actions", "demo")),

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import json
-from collections.abc import Callable
 from typing import Any
 
 from voxgran._base.errors import InputError
@@ -34,16 +33,6 @@ class Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-class _Former(Once):
-    """A former flag: stores its value under the present one, named by `dest`, and what to say of it in `former`."""
-
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
-        """Store the value."""
-        super().__call__(parser, namespace, values, option_string)
-        present = f"--{self.dest.replace('_', '-')}"
-        namespace.former = f"flag {option_string} is now {present}; write that name"
-
-
 class _Switch(argparse.BooleanOptionalAction):
     """A flag with its opposite, of which one may be given once."""
 
@@ -51,12 +40,6 @@ class _Switch(argparse.BooleanOptionalAction):
         """Store True or False."""
         _refuse_again(namespace, self.dest, option_string)
         super().__call__(parser, namespace, values, option_string)
-
-
-def _former(flag: str, present: str, kind: Callable[[str], Any]) -> Flag:
-    """Return the arguments of a former flag, which the help does not show."""
-    dest = present.removeprefix("--").replace("-", "_")
-    return _flag(flag, dest=dest, action=_Former, type=kind, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
 
 
 def as_value(text: str) -> Any:
@@ -243,7 +226,6 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag(
             "--max-hole", type=float, default=0.25, help="widest hole that is closed, in diagonals of the bounding box"
         ),
-        _former("--largest-hole", "--max-hole", float),
         _flag(
             "--bodies", choices=("refuse", "largest", "all"), default="refuse", help="what becomes of several solids"
         ),
@@ -262,7 +244,6 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag(
             "--max-gap", type=float, default=5.0, help="how far the surface may be from the nearest point, in spacings"
         ),
-        _former("--largest-hole", "--max-gap", float),
         MESH,
     ),
     "clump": (
@@ -310,7 +291,6 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--retry", action="store_true", help="compute runs that failed again"),
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),
-    "bench": (_flag("name", help="trade-off, such as settle"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (
         _flag(
             "--warm",

@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 import voxgran
-from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown, warn_former
+from voxgran._base.errors import InputError, UnknownNameError, nearest, shown, unknown
 from voxgran._base.lazy import load
 from voxgran.cli.flags import FLAGS, Once
 
@@ -99,8 +99,6 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             added = sub.add_argument(*flags, **keywords)
             if completing and flags[0] in ("file", "-o"):
                 added.complete = load("shtab").FILE  # type: ignore[attr-defined]
-        if name == "bench" and named[:1] == ["bench"]:
-            sub.epilog = f"trade-offs:\n  {', '.join(_trade_offs())}\n\n{sub.epilog}"
         if name in WITH_PARAMETERS:
             import_module(f"{__package__}.parameters").add_parameters(sub, name, words)
         sub.add_argument("--json", action="store_true", help="print JSON")
@@ -123,8 +121,6 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
     """
     options, rest = make_parser(words, commands).parse_known_args(_joined(words))
     vars(options).pop("given", None)
-    if hasattr(options, "former"):
-        warn_former(vars(options).pop("former"))
     for word in rest:
         if (flag := word.partition("=")[0]).startswith("-"):
             raise UnknownNameError(_unknown_flag(flag, options))
@@ -174,13 +170,6 @@ def name_flags(sentence: str, options: argparse.Namespace) -> str:
     return sentence
 
 
-def _trade_offs() -> Sequence[str]:
-    """Return the names of all trade-offs."""
-    from voxgran.bench.model import trade_offs
-
-    return trade_offs().names()
-
-
 #: an example of each command, shown at the end of its help
 EXAMPLES: dict[str, str] = {
     "init": "voxgran init scene.toml",
@@ -218,7 +207,6 @@ EXAMPLES: dict[str, str] = {
     "methods": "voxgran methods\n  voxgran methods digital",
     "study": "voxgran study study.toml --dry-run\n  voxgran study study.toml -o out --workers 4\n"
     "  voxgran study study.toml -o out --dask tcp://127.0.0.1:8786",
-    "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
     "data": "voxgran data itokawa_lp.obj -o rock.obj",
     "demo": "voxgran demo -o out/demo",

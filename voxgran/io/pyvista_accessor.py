@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from voxgran._base.calls import renamed
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose
 from voxgran.shapes.repairing.repair import Repair, repair
@@ -39,7 +38,6 @@ class SurfaceAccessor:
         """Find out whether the surface bounds one solid."""
         return diagnose(*self._triangles())
 
-    @renamed(largest_hole="max_hole")
     def repair(self, *, max_hole: float = 0.25, bodies: str = "refuse") -> Repair:
         """Mend the surface, as :func:`voxgran.repair` does.
 

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from voxgran._base.arrays import as_count
-from voxgran._base.calls import explained, explained_methods, renamed
+from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import FileFormatError, OutputError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, remove_drafts_in, write_text
 from voxgran.io.vtk_files import has_seal, save_packing
@@ -55,7 +55,6 @@ class Series:
     """
 
     @explained(hint='Series("run.pvd")')
-    @renamed(most="max_snapshots")
     def __init__(
         self,
         path: str | os.PathLike[str],

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base import Missing
 from voxgran._base.arrays import Floats, Integers, as_array, as_count, as_number, as_positive
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load, load_extra
 from voxgran.lattice.distance import distance_transform
@@ -138,7 +138,6 @@ class Segmentation(NDArrayOperatorsMixin, Image):
 
 
 @explained(hint="segment(image, min_size=50); min_size is in voxels, separation in the unit of the voxel size")
-@renamed(smallest="min_size")
 def segment(
     image: "ArrayLike | Image",
     *,

@@ -3,7 +3,7 @@
 Many random points are tried one after another and stand if no other is nearer than a radius, which is lowered until the
 asked number stand (McCool & Fiume 1992, Hierarchical Poisson disk sampling distributions). Open3D eliminates points
 from five times as many instead (Yuksel 2015, doi:10.1111/cgf.12538). That takes longer and leaves larger holes
-(`voxgran bench sampling`), and elimination from points that keep apart already makes their holes larger, too.
+(`python -m benchmarks sampling`), and elimination from points that keep apart already makes their holes larger, too.
 """
 
 import math

@@ -24,7 +24,7 @@ from voxgran._base.arrays import (
     as_vector,
     read_only,
 )
-from voxgran._base.calls import explained_methods, renamed
+from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.units import stated_unit
@@ -317,7 +317,6 @@ class Cloud(ExplainedAttributes):
         normals = turned_alike(self.points, np.array(made.normals), min(many, 15))
         return replace(self, normals=read_only(normals))
 
-    @renamed(fewest="min_points")
     def clusters(self, distance: float | None = None, *, min_points: int = 10) -> list["Cloud"]:
         """Return the clusters of a cloud, the largest first, without isolated points.
 

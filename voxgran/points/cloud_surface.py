@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran.lattice.label import components
@@ -62,7 +62,6 @@ class Reconstruction(ExplainedAttributes):
 
 
 @explained(hint='shape_of_cloud(cloud, method="poisson")')
-@renamed(largest_hole="max_gap")
 def shape_of_cloud(
     cloud: Cloud,
     *,

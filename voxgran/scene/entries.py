@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
-from voxgran._base.calls import removal_of
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, check_known, nearest, shortened, shown, unknown
 from voxgran._base.files import existing_file
@@ -203,9 +202,9 @@ def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) ->
             # a file, which a scene names relative to itself
             rest[key] = str(existing_file(folder / given))
     entry, where = families().get(family), f"[[shape]] {family}"
-    known = {name for item in parameters_of(entry.parameters) for name in item.names}
+    known = {item.name for item in parameters_of(entry.parameters)}
     for key in rest:
-        if key not in (*known, *FAMILY_KEYS) and not removal_of(entry.parameters, key, where):
+        if key not in (*known, *FAMILY_KEYS):
             names = (*(item.name for item in parameters_of(entry.parameters)), "share", *FAMILY_KEYS)
             raise UnknownNameError(unknown(f"{where} key", key, names))
     seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
@@ -232,13 +231,9 @@ def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) ->
 def given_values(
     cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Return checked parameters of a class as given, with present names and words in place of former ones, so that they
-    are not warned of again.
-    """
+    """Return checked parameters of a class as given."""
     made: Any = from_mapping(cls, mapping, where, beside=beside)
-    present = {item.former: item.name for item in parameters_of(cls) if item.former}
-    found = {present.get(key, key): value for key, value in mapping.items()}
-    return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
+    return {key: getattr(made, key) if isinstance(value, str) else value for key, value in mapping.items()}
 
 
 def _clump(given: Any) -> dict[str, Any]:

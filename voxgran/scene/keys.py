@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Literal
 
-from voxgran._base.calls import removal_of
 from voxgran._base.config import parameter, parameter_class, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, unknown
 from voxgran.scene.sections import General, Output
@@ -386,10 +385,9 @@ def refuse_unknown(mapping: Mapping[str, Any], place: str, cls: type, *, beside:
     UnknownNameError
         If there is one; the message names the section whose key it is, or else the nearest key.
     """
-    known = (*(name for item in parameters_of(cls) for name in item.names), *beside)
+    known = (*(item.name for item in parameters_of(cls)), *beside)
     for key in mapping:
         if key not in known:
-            gone = removal_of(cls, key, place)
             right = next((other for other, names in _PLACES.items() if other != place and key in names), None)
             moved = f"{place} key {key!r} is unknown: it is a key of {right}; write it there" if right else ""
-            raise UnknownNameError(gone or moved or unknown(f"{place} key", key, known))
+            raise UnknownNameError(moved or unknown(f"{place} key", key, known))

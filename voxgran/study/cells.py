@@ -14,7 +14,7 @@ from voxgran.scene.description import SceneDescription
 from voxgran.scene.keys import DENSITIES, names_of
 from voxgran.shapes.sizes import KINDS
 from voxgran.study.axes import AxisValue, Label, axis_values, changed, check_axis, refuse_equal
-from voxgran.study.files import FileHashes, former_scene_hash, numbers_hash, scene_hash, with_absolute_files
+from voxgran.study.files import FileHashes, numbers_hash, scene_hash, with_absolute_files
 
 #: dimension of cells that are listed
 LISTED = "cell"
@@ -75,11 +75,6 @@ class Cell:
     def key(self) -> str:
         """Hash of the scene without its seed."""
         return scene_hash(self.scene, self.hashes)
-
-    @cached_property
-    def former_key(self) -> str:
-        """Hash of the scene without its seed, as studies of older versions have it."""
-        return former_scene_hash(self.scene, self.hashes)
 
     @property
     def name(self) -> str:

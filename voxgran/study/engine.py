@@ -174,8 +174,8 @@ def planned(settings: StudySettings, store: Store) -> StudyPlan:
 
 
 def _finished(store: Store, cell: Cell, seed: int) -> Record | None:
-    """Return what a run has left, also under its former name; None where it is not finished."""
-    return store.read(run_hash(cell.key, seed)) or store.read(run_hash(cell.former_key, seed))
+    """Return what a run has left; None where it is not finished."""
+    return store.read(run_hash(cell.key, seed))
 
 
 def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyResult:

@@ -126,15 +126,6 @@ def numbers_hash(scene: SceneDescription, hashes: FileHashes) -> str:
     return _hash(canonical_numbers(scene), hashes)
 
 
-def former_scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:
-    """Return the hash that results had before scenes were put in their canonical form, under which those of older
-    studies are found.
-    """
-    mapping = {key: value for key, value in scene.to_mapping().items() if key != "output"}
-    mapping["scene"] = {key: value for key, value in mapping["scene"].items() if key not in SEEDS}
-    return _hash(mapping, hashes)
-
-
 def _hash(mapping: Mapping[str, Any], hashes: FileHashes) -> str:
     """Return the hash of a scene as nested values, with those of its files."""
     text = json.dumps([__version__, with_files(mapping, hashes.of)], sort_keys=True, default=_as_text)

@@ -8,7 +8,7 @@ import pydoc
 import pytest
 
 import voxgran as vg
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran._base.errors import CallError, InputError, UnknownNameError, nearest
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
@@ -157,18 +157,6 @@ def test_a_function_without_arguments_says_so():
 def test_the_arguments_of_a_study_are_explained(typed, meant):
     with pytest.raises(CallError, match=f"argument of Study '{typed}' is unknown: did you mean '{meant}'.*write Study"):
         vg.Study(base={}, axes={}, **{typed: 2})
-
-
-def test_former_names_of_arguments_are_accepted_with_a_warning():
-    @renamed(most="max_factor")
-    def grow(*, max_factor=2.0):
-        return max_factor
-
-    assert grow(max_factor=3.0) == 3.0
-    with pytest.warns(DeprecationWarning, match="argument most of .*grow is now max_factor"):
-        assert grow(most=4.0) == 4.0
-    with pytest.raises(CallError, match="max_factor twice, also by its former name most"):
-        grow(most=4.0, max_factor=3.0)
 
 
 @pytest.mark.parametrize("made", [vg.Shaking(acceleration=2.0), vg.Lid(), vg.methods.Rsa(tries=7)])

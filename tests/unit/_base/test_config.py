@@ -160,7 +160,7 @@ def test_all_parameters_have_a_meaning_and_all_meanings_a_parameter():
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bounded:
-    share: float = parameter(0.5, doc="share", former="part", at_least=0.0, at_most=1.0)
+    share: float = parameter(0.5, doc="share", at_least=0.0, at_most=1.0)
     count: int | None = parameter(None, doc="count", at_least=1)
     size: tuple[float, ...] | float = parameter(1.0, doc="size", unit="length", above=0.0)
 
@@ -188,15 +188,6 @@ def test_objects_are_checked_by_what_their_class_declares_unless_it_has_a_check_
     with pytest.raises(InputError, match="sweeps is 21"):
         Plain(sweeps=21)
     assert Own(sweeps=21).sweeps == 7
-
-
-def test_former_names_are_accepted_with_a_warning():
-    with pytest.warns(DeprecationWarning, match=r"\[packing\] part is called share now") as caught:
-        assert from_mapping(Bounded, {"part": 0.25}, "[packing]") == Bounded(share=0.25)
-    assert caught[0].filename == __file__
-    with pytest.raises(InputError, match="part is the former name of share, which is given too"):
-        from_mapping(Bounded, {"part": 0.25, "share": 0.5}, "[packing]")
-    assert parameters_of(Bounded)[0].names == ("share", "part")
 
 
 @pytest.mark.parametrize(

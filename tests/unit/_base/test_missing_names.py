@@ -32,6 +32,7 @@ def packing() -> vg.Packing:
     [
         ("info", "describe"),
         ("shake", "settle"),
+        ("friction", "settle"),
         ("make_shap", "make_shape"),
         ("shape", "make_shape"),
         ("decimate", "simplify"),

@@ -10,9 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 import voxgran as vg
+from benchmarks.images.transport import by_poles
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.bench.tradeoffs.images.transport import by_poles
 from voxgran.lattice.diffusion import thin_share
 from voxgran.measures.model import measure
 from voxgran.measures.registered.transport import transport

@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 import voxgran as vg
+from benchmarks.peers import sampling as peers
 from voxgran._base.seeds import stream
-from voxgran.bench.model import peers_of
 from voxgran.geometry.triangles import areas_of
 from voxgran.points import blue_noise
 from voxgran.points.blue_noise import random_points, spread_points
@@ -46,7 +46,7 @@ def test_as_many_points_as_asked_lie_on_the_surface_and_keep_apart(lengths, coun
 
 def test_distances_and_holes_are_better_than_those_of_open3d(scan):
     mesh, count = (scan.vertices / scan.diameter, scan.faces), 4000
-    own, peer = (sampled(*mesh, count, seed=1) for sampled in (spread_points, peers_of("sampling").open3d_points))
+    own, peer = (sampled(*mesh, count, seed=1) for sampled in (spread_points, peers.open3d_points))
     unit = hexagonal(mesh, count)
     assert nearest(own).min() >= 0.69 * unit
     assert nearest(own).min() > 0.99 * nearest(peer).min()
@@ -92,7 +92,7 @@ def test_the_spectrum_is_as_blue_as_that_of_open3d():
     edges = (2.5, 10, 20, 30, 40)
     own, peer, random = (
         np.mean([power(sampled(*SHEET, 1000, seed=seed), edges) for seed in range(4)], axis=0)
-        for sampled in (spread_points, peers_of("sampling").open3d_points, random_points)
+        for sampled in (spread_points, peers.open3d_points, random_points)
     )
     assert own[0] < 1.1 * peer[0]
     assert own[1] < peer[1]

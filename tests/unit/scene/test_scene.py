@@ -247,14 +247,6 @@ def test_a_folder_that_only_can_be_read_is_read(write, tmp_path):
     assert (tmp_path / "out").stat().st_mtime_ns == stamp
 
 
-def test_former_names_warn_once(write):
-    with pytest.warns(DeprecationWarning, match=r"\[packing\] up is called vibration_up now") as warned:
-        scene = vg.Scene.from_toml(write("sweeps = 100", "sweeps = 100\nup = 0.5"))
-    assert len(warned) == 1
-    scene.plan()  # any warning is an error
-    assert scene.to_mapping()["packing"]["vibration_up"] == 0.5
-
-
 def test_the_summary_has_contacts_and_rattlers():
     ticks = np.arange(3) + 0.5
     position = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)

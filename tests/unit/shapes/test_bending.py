@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from benchmarks.grains import twins
 from voxgran._base.errors import FileFormatError
 from voxgran._base.seeds import stream
-from voxgran.bench.tradeoffs import twins
 from voxgran.shapes.describing.curvature import edges_of_mesh
 from voxgran.shapes.learning import bend
 from voxgran.shapes.learning.bend import bent, displaced, monomials, soft_fields, unfolded

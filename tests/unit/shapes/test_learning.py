@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from benchmarks.grains import twins
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputExistsError
 from voxgran._base.seeds import stream
-from voxgran.bench.tradeoffs import twins
 from voxgran.cli import main
 from voxgran.shapes.learning import learn
 from voxgran.shapes.learning.learn import balanced

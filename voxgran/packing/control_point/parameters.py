@@ -5,7 +5,7 @@ from typing import Literal
 
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import parameter
-from voxgran._base.errors import InputError, warn_former
+from voxgran._base.errors import InputError
 from voxgran.packing.walking.parameters import Walking
 
 #: shortest step, in diameters of the grain
@@ -23,7 +23,7 @@ class ControlPoint(Walking):
         spacing of the control points on a grain; touching grains stay apart by up to this distance.
     contact
         contact test: control points of one grain in the signed-distance field of the other (sdf), or distances between
-        the control points of both, found with k-d trees (kdtree; points is its former name).
+        the control points of both, found with k-d trees (kdtree).
     points
         where control points lie: on the surface with its edges and corners, or in the interior as well.
     tested_points
@@ -59,23 +59,20 @@ class ControlPoint(Walking):
     """
 
     spacing: float = parameter(0.12, unit="diameters of the grain", above=0.0, at_most=1.0)
-    contact: Literal["sdf", "points", "kdtree"] = parameter("sdf")
+    contact: Literal["sdf", "kdtree"] = parameter("sdf")
     points: Literal["surface", "all"] = parameter("surface")
-    tested_points: Literal["both", "one"] = parameter("both", former="ways")
+    tested_points: Literal["both", "one"] = parameter("both")
     distance: float = parameter(0.0, unit="length", at_least=0.0)
     overlap: float = parameter(0.0, unit="length", at_least=0.0)
-    gravity_bias: float = parameter(0.5, former="tilt", at_least=0.0)
+    gravity_bias: float = parameter(0.5, at_least=0.0)
     vibration: Literal["cycles", "collision"] = parameter("cycles")
-    vibration_up: float = parameter(0.8, former="up", at_least=0.0, at_most=1.0)
-    rotation_share: float = parameter(0.7, former="turns", at_least=0.0, at_most=1.0)
+    vibration_up: float = parameter(0.8, at_least=0.0, at_most=1.0)
+    rotation_share: float = parameter(0.7, at_least=0.0, at_most=1.0)
     step: float = parameter(0.1, unit="diameters of the grain", at_least=SHORTEST_STEP)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the parameters go together."""
         super().__post_init__()
-        if self.contact == "points":
-            warn_former("contact is 'points', the former name of 'kdtree': use contact='kdtree'")
-            object.__setattr__(self, "contact", "kdtree")
         if self.overlap and (self.contact != "sdf" or self.distance):
             raise InputError(
                 f"overlap is {self.overlap:g} with contact {self.contact!r} and distance {self.distance:g}: grains may "

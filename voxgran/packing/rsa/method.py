@@ -136,7 +136,7 @@ class Rsa:
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"] = parameter("classic")
     until: Literal["tries", "saturated"] | None = parameter(None)
     tries: int = parameter(1000, unit="per grain", at_least=1)
-    retry: Literal["scan", "next"] = parameter("scan", former="retain")
+    retry: Literal["scan", "next"] = parameter("scan")
     corrections: int = parameter(2, at_least=1)
     order: Literal["given", "largest", "random"] | None = parameter(None)
     along: Literal["x", "y", "z"] = parameter("x")

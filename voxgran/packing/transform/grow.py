@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import gaps_of_pairs
@@ -29,7 +29,6 @@ SLOW = 0.05
 
 
 @explained(hint="grow(packing)")
-@renamed(most="max_factor")
 def grow(packing: Packing, *, max_factor: float = 2.0) -> Packing:
     """Grow the grains of a packing about their centroids until each touches a neighbour or a wall.
 

@@ -4,9 +4,7 @@ The groups are dataclasses that a method inherits from, so that the keys of a sc
 :func:`voxgran.pack` stay flat. A method may declare a parameter again to give it another default.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
@@ -14,19 +12,6 @@ from voxgran._base.errors import InputError
 
 #: largest number of sweeps: with any number of grains the number of attempts is then a 64-bit integer
 MOST_SWEEPS = 10**9
-#: what replaces parameters of former versions: walked beds settle in a step of their own
-REMOVED = MappingProxyType(
-    {
-        name: f"true shapes settle after the walk; write settle=dict({given}) in pack, or {given} in the section "
-        "[settle] of a scene"
-        for name, given in {
-            "settling": "friction=...",
-            "friction": "friction=...",
-            "shaking": "shaking=...",
-            "acceleration": "shaking=...",
-        }.items()
-    }
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +78,6 @@ class Walking(Feeding, Vibration):
     InputError
         If a number is out of its range, or parameters do not go together.
     """
-
-    removed: ClassVar[Mapping[str, str]] = REMOVED
 
     lid: bool = parameter(False)
 

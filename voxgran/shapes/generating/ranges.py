@@ -21,7 +21,7 @@ def drawn(cls: type, mapping: Mapping[str, Any], generator: np.random.Generator,
     InputError
         If a range begins above its end.
     """
-    kinds = {name: entry.type for entry in parameters_of(cls) for name in entry.names}
+    kinds = {entry.name: entry.type for entry in parameters_of(cls)}
     return {
         key: _drawn(value, kinds[key], generator, f"{where} {key}") if key in kinds else value
         for key, value in mapping.items()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, as_array, as_choice, as_length, as_number
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.shapes.images.image_files import load_image
@@ -22,7 +22,6 @@ LEVEL = 1e-6
 
 
 @explained(hint='load_outlines("grains.png", pixel_size=0.1)')
-@renamed(least_area="min_area")
 def load_outlines(
     source: str | os.PathLike[str] | NDArray[Any],
     *,

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points, box_of
-from voxgran._base.calls import explained, renamed
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.geometry.crossing import crossing_faces
 from voxgran.geometry.triangles import areas_of
@@ -85,7 +85,6 @@ class Repair(ExplainedAttributes):
 
 
 @explained(hint="repair(vertices, faces)")
-@renamed(largest_hole="max_hole")
 def repair(
     vertices: "ArrayLike | Any",
     faces: "ArrayLike | None" = None,

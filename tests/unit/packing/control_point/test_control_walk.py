@@ -388,16 +388,6 @@ def test_signed_distances_see_containment_both_ways(ways):
             assert not overlaps_by_sdf(pairs, g, 1 - g, (6.0, 2.0, 1.0), np.inf)
 
 
-def test_the_old_name_of_the_test_by_points_gives_the_same_bits():
-    cone, box = vg.make_shape("cone"), vg.Box((4, 4, 8), periodic=(True, True, False))
-    how = {"method": "control_point", "settle": False, "count": 6, "spacing": 0.3, "sweeps": 50}
-    with pytest.warns(DeprecationWarning, match="contact is 'points', the former name of 'kdtree'"):
-        old = vg.pack(cone, box, **how, contact="points")
-    new = vg.pack(cone, box, **how, contact="kdtree")
-    assert old.position.tobytes() == new.position.tobytes()
-    assert old.provenance["parameters"]["contact"] == "kdtree"
-
-
 @pytest.mark.filterwarnings("ignore:.*pairs of grains overlap")
 def test_a_grain_keeps_clear_of_its_own_images():
     """A rod longer than the box is wide would meet itself across the face when it lies along x."""

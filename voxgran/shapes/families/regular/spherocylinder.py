@@ -1,7 +1,5 @@
 """Spherocylinders: cylinders with hemispherical ends, the capsules of pharmacy and of models of rods."""
 
-from typing import ClassVar
-
 import numpy as np
 
 from voxgran._base.config import check_bounds, parameter, parameter_class
@@ -42,9 +40,6 @@ class Spherocylinder:
     diameter: float | None = parameter(None, unit="length", above=0.0)
     radius: float | None = parameter(None, unit="length", above=0.0)
     height: float | None = parameter(None, unit="length", above=0.0)
-
-    #: what is said of a parameter that scenes of former versions may have
-    removed: ClassVar[dict[str, str]] = {"tolerance": "spherocylinders are exact; leave it out"}
 
     def __post_init__(self) -> None:
         """Check the values."""

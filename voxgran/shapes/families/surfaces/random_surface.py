@@ -53,7 +53,7 @@ class RandomSurface(Sized):
     aspect: tuple[float, float] = parameter((1.0, 1.0))
     height: float = parameter(0.15, at_least=0.0, at_most=HIGHEST)
     waves: int = parameter(6, at_least=1, at_most=MOST_WAVES)
-    max_frequency: float = parameter(1.5, former="most", above=0.0, at_most=SHORTEST)
+    max_frequency: float = parameter(1.5, above=0.0, at_most=SHORTEST)
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:

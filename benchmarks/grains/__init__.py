@@ -1,0 +1,1 @@
+"""Benchmarks of grains, their sizes and their measures."""

@@ -1,0 +1,95 @@
+"""Families of shapes: milliseconds to make a shape against the error of its surface.
+
+The error is the relative difference of the surface area, at equal volume, to that of the same shape (of the same seed)
+on a much finer mesh; it is 0 where the true geometry is exact: solids in closed form, polyhedra, spheres, voxels. For
+solids in closed form the tessellation that stands in for them in pictures and files is not counted.
+"""
+
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.model import panels_of, timed, write_rows
+from voxgran.shapes.family import default_families, families, make_shape, seeds_of_shapes
+from voxgran.shapes.mesh import Mesh, Surface
+
+#: shapes of each family
+COUNT = 20
+#: shapes of which the error is measured
+COMPARED = 5
+#: parameters of a much finer mesh
+FINER: dict[str, dict[str, Any]] = {
+    "mollon_zhao": {"subdivisions": 6},
+    "noise_star": {"subdivisions": 6},
+    "solid_union": {"chord_error": 5e-5},
+    "spherical_harmonics": {"subdivisions": 6},
+    "superquadric": {"tolerance": 1e-4},
+    "superspherize": {"longest_edge": 0.02},
+    "torus": {"tolerance": 1e-4},
+}
+#: least error on the axis of the figure, at which those of exact shapes are drawn
+EXACT = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Median CPU time of a shape of a family in milliseconds, its median number of faces, and its error."""
+
+    family: str
+    dimension: int
+    milliseconds: float
+    faces: int
+    error: float
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Write shapes.csv and shapes.svg into a folder and return both."""
+    rows = [row_of(name) for name in default_families()]
+    head = "family,dimension,milliseconds:.3g,faces,error:.2g"
+    table = write_rows(folder / "shapes.csv", head, map(astuple, rows))
+    _draw(rows, folder / "shapes.svg")
+    return table, folder / "shapes.svg"
+
+
+def row_of(family: str) -> Row:
+    """Return the row of a family, with its default parameters."""
+    seeds = seeds_of_shapes(0, COUNT)
+    make_shape(family)
+    made, times = zip(*(timed(make_shape, family, seed=seed) for seed in seeds), strict=True)
+    meshes = [shape for shape in made if isinstance(shape.geometry, Mesh | Surface)]
+    faces = int(np.median([len(shape.faces) for shape in meshes])) if meshes else 0
+    errors = [0.0]
+    if family in FINER:
+        chosen = seeds[: COMPARED if families().get(family).random else 1]
+        pairs = ((make_shape(family, seed=s), make_shape(family, seed=s, **FINER[family])) for s in chosen)
+        errors = [abs(shape.surface_area / finer.surface_area - 1.0) for shape, finer in pairs]
+    return Row(family, families().get(family).dimension, 1e3 * float(np.median(times)), faces, float(np.median(errors)))
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw the error against the time."""
+    with panels_of(path, 1, width=9.0, height=6.5) as panels:
+        panel = panels[0]
+        for row in sorted(rows, key=lambda row: row.milliseconds):
+            _, _, milliseconds, _, error = astuple(row)
+            panel.plot(milliseconds, max(error, EXACT), "o", color="#2f6f8f" if error else "#8f8f8f")
+            panel.annotate(
+                row.family,
+                (milliseconds, max(error, EXACT)),
+                xytext=(4, 4),
+                textcoords="offset points",
+                fontsize=9,
+                rotation=0 if error else 60,
+            )
+        panel.set(
+            xscale="log",
+            yscale="log",
+            xlabel="milliseconds for a shape",
+            ylabel="error of the surface area",
+            title="families of shapes (exact ones at the bottom)",
+        )
+        panel.set_ylim(EXACT / 2, 0.2)
+        # room for the names behind the last points
+        panel.set_xlim(right=8.0 * max(row.milliseconds for row in rows))

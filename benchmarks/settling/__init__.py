@@ -1,0 +1,1 @@
+"""Benchmarks of beds and specimens at rest."""

@@ -1,1 +1,0 @@
-"""Run time against error, one trade-off per file."""

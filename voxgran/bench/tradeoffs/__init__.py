@@ -1,1 +1,0 @@
-"""One trade-off per file; the file name is its name at the prompt."""

@@ -1,1 +1,0 @@
-"""Trade-offs of images, voxels and distances."""
