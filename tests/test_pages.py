@@ -88,7 +88,7 @@ def made_by_make():
     asked = ["make", "--dry-run", "--always-make", "figures", "bench", "studies"]
     commands = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     commands = commands.replace("\\\n", " ")
-    sources = {path.stem: path.read_text() for path in (ROOT / "benchmarks").rglob("*.py")}
+    sources = {name: (ROOT / f"{file.replace('.', '/')}.py").read_text() for name, file in benchmarks().items()}
     found = set(re.findall(r"docs/figures/([\w.]+)", commands)) | {"house.svg"}
     for line in re.findall(r"^cp (.*) docs/figures$", commands, flags=re.MULTILINE):
         found |= {Path(word).name for word in line.split()}

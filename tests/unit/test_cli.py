@@ -74,7 +74,6 @@ def complaint(capsys, *words):
         ("report a.vtp -o a.html --output b.html", "--output is given beside -o"),
         ("report a.vtp --interactive --no-interactive", "--no-interactive is given beside --interactive"),
         ("clump a.stl --spheres 5 --max-spheres 6", "--max-spheres is given beside --spheres"),
-        ("repair a.stl --max-hole 1 --largest-hole 2", "--largest-hole is given beside --max-hole"),
         ("shape box --lengths 1,1,1 --lengths 2,2,2", "--lengths is given twice"),
         ("shape sphere -o a.stl --format obj", "--format is obj without --count"),
         ("settle a.vtp -o b.vtp --friction 0.1 --friction 0.2", "--friction is given twice"),

@@ -41,9 +41,8 @@ def _add_family(sub: argparse.ArgumentParser, words: Sequence[str]) -> None:
     sub.add_argument("--gallery", help="picture of the shapes in rows (.png)")
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
-            for name in item.names:
-                text = parameter_text(item).replace("%", "%%") if name == item.name else argparse.SUPPRESS
-                sub.add_argument("--" + name.replace("_", "-"), dest=name, type=as_value, help=text)
+            text = parameter_text(item).replace("%", "%%")
+            sub.add_argument("--" + item.name.replace("_", "-"), dest=item.name, type=as_value, help=text)
 
 
 def _clump_parameters(words: Sequence[str]) -> type:

@@ -30,7 +30,7 @@ def shape(options: argparse.Namespace) -> None:
     """
     from voxgran.shapes.family import families
 
-    names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
+    names = [item.name for item in parameters_of(families().get(options.family).parameters)]
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     if options.gallery:
         check_picture_path(options.gallery, overwrite=options.overwrite)

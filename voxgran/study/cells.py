@@ -322,7 +322,7 @@ def refuse_foreign(mappings: Sequence[Mapping[str, Any]]) -> None:
         method = mapping.get("packing", {}).get("method")
         if isinstance(method, str) and method not in known and method in method_registry().names():
             entry = method_registry().get(method).parameters
-            known[method] = {name for item in parameters_of(entry) for name in item.names} | set(BESIDE)
+            known[method] = {item.name for item in parameters_of(entry)} | set(BESIDE)
     foreign: dict[tuple[str, str], int] = {}
     for mapping in mappings:
         packing = mapping.get("packing", {})
