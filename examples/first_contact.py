@@ -19,9 +19,9 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
+from benchmarks.encounter import Encounter
 from benchmarks.model import arguments
 from voxgran.geometry.rotation import normalized, product, rotation_matrices
-from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing
 
 folder, runs = arguments(__doc__, folder=Path("out/first_contact"), runs=2)

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from benchmarks.encounter import Encounter
 from benchmarks.model import best_rate, panels_of, ratios, scans, timed, write_rows
 from benchmarks.peers import contact as peers
 from voxgran._base.arrays import Floats, Integers
@@ -23,7 +24,6 @@ from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.measures.registered.density import bulk_solid_fraction
-from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.control_point.precompute import precomputed_of
 from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.draw import Request

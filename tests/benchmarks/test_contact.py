@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from benchmarks.encounter import Encounter
 from benchmarks.packing import contact
 from benchmarks.peers import contact as peers
-from voxgran.packing.control_point.first_contact import Encounter
 
 
 @pytest.mark.slow

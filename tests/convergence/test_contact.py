@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from benchmarks.encounter import Encounter
 from benchmarks.packing.contact import TESTS, gaps_at_contact
-from voxgran.packing.control_point.first_contact import Encounter
 
 SPACINGS = (0.4, 0.28, 0.2, 0.14)
 

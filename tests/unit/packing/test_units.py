@@ -8,10 +8,10 @@ import pytest
 from kit import slow
 
 import voxgran as vg
+from benchmarks.encounter import Encounter
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Lid
-from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.draw import Request, draw_grains
 
 BALL = vg.make_shape("sphere")
