@@ -8,6 +8,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import check_held
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import NAMED, InputError
 from voxgran.contacts.assembly import Assembly
@@ -170,7 +171,9 @@ class SettleState:
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
         """Take over the arrays and counters of a checkpoint."""
-        self.settler.restore(arrays, counters)
+        settler = self.settler
+        check_held((settler.arrays, settler.counters), arrays, counters, settler.declared, settler.rule)
+        settler.restore(arrays, counters)
 
 
 #: how methods end whose grains settle, and a run that goes on; checkpoints hold the places in this list
@@ -249,7 +252,7 @@ class SettledState:
         self.outer = outer
         if self.held is not None:
             arrays, counters = self.held
-            outer.done, outer.total = int(counters.pop("done")), int(counters.pop("total"))
+            outer.done, outer.total = (counters.pop(name, None) or 0 for name in ("done", "total"))
             outer.restore(arrays, counters)
             outer.stop_reason = self.stop_reason
             self.held = None

@@ -37,6 +37,7 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
+from voxgran.settling.held import OF_COMPRESSION
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
@@ -148,6 +149,8 @@ class Compressor(Resumable):
 
     #: whether grains come to rest without friction
     slides = True
+
+    HELD = OF_COMPRESSION
 
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import Declared
 from voxgran.settling.bed import Bed
+from voxgran.settling.held import bed_fits, declared_of
 
 #: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
 #: quasi-static steps, rounds in which surfaces are parted, and the end; before the fall, grains that arrive fast; and
@@ -57,6 +59,7 @@ class Resumable:
     ``exact``: whether contacts of meshes that are not convex come from their triangles.
     """
 
+    HELD: ClassVar[Declared]
     bed: Bed
     progress: Any
 
@@ -72,6 +75,17 @@ class Resumable:
     def counters(self) -> dict[str, int]:
         """All counters that the next step depends on."""
         return {name: getattr(self.progress, name) for name in self._names(whole=True)}
+
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold."""
+        return {**declared_of(self.bed), **self.HELD}
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together: what is known of the grains is of all, or of none."""
+        del counters
+        rows = {len(arrays[name]) for name, held in self.HELD.items() if held.rows == name}
+        return bed_fits(self.bed, arrays) and rows <= {0, len(arrays["order"])}
 
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""
