@@ -10,7 +10,7 @@ from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
 from voxgran._base.checkpoint import check_held
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import NAMED, InputError
+from voxgran._base.errors import NAMED, CheckpointError, InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
@@ -174,6 +174,8 @@ class SettleState:
         settler = self.settler
         check_held((settler.arrays, settler.counters), arrays, counters, settler.declared, settler.rule)
         settler.restore(arrays, counters)
+        if settler.ended and not self.stop_reason:
+            raise CheckpointError("the checkpoint tells no reason why the run ended: start anew without it")
 
 
 #: how methods end whose grains settle, and a run that goes on; checkpoints hold the places in this list
@@ -253,8 +255,8 @@ class SettledState:
         if self.held is not None:
             arrays, counters = self.held
             outer.done, outer.total = (counters.pop(name, None) or 0 for name in ("done", "total"))
-            outer.restore(arrays, counters)
             outer.stop_reason = self.stop_reason
+            outer.restore(arrays, counters)
             self.held = None
 
 

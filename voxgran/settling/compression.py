@@ -37,12 +37,11 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
-from voxgran.settling.held import OF_COMPRESSION
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
 from voxgran.settling.parting import close_round, part_grains
-from voxgran.settling.progress import Resumable
+from voxgran.settling.progress import OF_COMPRESSION, Resumable
 from voxgran.settling.quasi_static import KEPT, TRIANGLES
 from voxgran.settling.stress_balance import (
     balance_grains,

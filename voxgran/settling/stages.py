@@ -18,7 +18,6 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.examination import AFTER_PARTING, CALM, EARLY, EVERY, RESIDUAL, THOROUGH, TRIALS, USUAL, Examined
 from voxgran.settling.fall import fall_step, is_slow, let_fall, random_pull, stop_falling
-from voxgran.settling.held import OF_SETTLING
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
@@ -113,8 +112,6 @@ class Settler(Examined):
         If a shape is an open surface, the walls of the container are not known, or it is so high that the fall would
         not end.
     """
-
-    HELD = OF_SETTLING
 
     def __init__(
         self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None,

@@ -237,6 +237,8 @@ def hull_of(points: Floats) -> Mesh:
     return Mesh(points, faces)
 
 
+#: least width of a mesh, whose fifth power has to be a number, and least volume and area, in powers of its width
+LEAST_WIDE, LEAST_SHARE = 1e-60, 1e-15
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate
 NO_AREA = 1e-12
 
@@ -283,6 +285,25 @@ class Surface(Triangles):
         second = linear.einsum("f,fki,fkj->ij", self.areas, corners, corners)
         second = (second + linear.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
         return read_only(np.trace(second) * np.eye(3) - second)
+
+
+def refuse_degenerate(geometry: Triangles, name: str) -> None:
+    """Refuse triangles of a file that enclose nothing, or have no area.
+
+    Raises
+    ------
+    DirtyMeshError
+        If their volume, or their area, is not above 0 by rounding, or no number.
+    """
+    with np.errstate(all="ignore"):
+        wide = np.ptp(geometry.vertices, axis=0).max(initial=0.0)
+        known = isinstance(geometry, Surface)
+        content = geometry.areas.sum() / wide**2 if known else np.float64(geometry.volume) / wide**3
+    if not (LEAST_WIDE < wide < 1.0 / LEAST_WIDE and content > LEAST_SHARE):
+        what = "area" if known else "volume"
+        raise DirtyMeshError(
+            f"{name} has {len(geometry.corners)} faces without {what}: a shape has some; write it again"
+        )
 
 
 def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:

@@ -21,7 +21,7 @@ from voxgran._base.checkpoint import Declared, Held
 from voxgran._base.config import to_mapping
 from voxgran.packing.model import Packing
 from voxgran.settling.bed import Bed
-from voxgran.settling.held import COUNTS
+from voxgran.settling.progress import COUNTS
 from voxgran.settling.search import MET, MOST_TRIES, SLIPPERY, Search
 
 #: grains of the bulk from which on its solid fraction counts: a half more than it must hold to be measured

@@ -153,7 +153,7 @@ def prepare(problem: Problem) -> ControlState:
     )
     bounds = np.array(problem.container.bounds)
     state.declared = {
-        "position": Held(*bounds, where="entered"), "orientation": Held(-1.0 - 1e-9, 1.0 + 1e-9),
+        "position": Held(bounds[0], bounds[1], where="entered"), "orientation": Held(-1.0 - 1e-9, 1.0 + 1e-9),
         "entered": Held(0, 1), "step": Held(0.0, float(np.ptp(bounds, axis=0).max())), "lifted": Held(0, MOST),
     }  # fmt: skip
     return begin(WALKER, problem, state)

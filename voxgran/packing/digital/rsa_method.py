@@ -94,10 +94,10 @@ def prepare(problem: Problem) -> State:
         "order": np.concatenate([np.arange(n), order[order >= n]]),
         "tried": np.zeros(len(setting.bounds) - 1, dtype=np.int64),
     }
-    many, last = Held(0, problem.count), Held(0, problem.count - 1)
+    grains = dict.fromkeys(("placed", "skipped"), Held(0, problem.count))
     declared = {
-        **declared_sites(setting.places, setting.oriented), "order": last, "tried": Held(0, np.diff(setting.bounds)),
-        "placed": many, "skipped": many, "refused": Held(0),
+        **declared_sites(setting.places, setting.oriented), **grains, "order": Held(0, problem.count - 1),
+        "tried": Held(0, np.diff(setting.bounds)), "refused": Held(0),
     }  # fmt: skip
     rule = _fits(problem, setting)
     total = int(setting.bounds[-1]) + problem.count

@@ -40,8 +40,8 @@ from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.thermal import FIRST_FREE, Motion, stop_moving, thermal_step
 from voxgran.settling.bed import Bed
-from voxgran.settling.held import bed_fits, declared_of
 from voxgran.settling.parting import close_round, part_grains
+from voxgran.settling.progress import bed_fits, declared_of
 
 #: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin
 DENSE, FIRST = {2: 0.85, 3: 0.65}, 0.05

@@ -24,7 +24,8 @@ def held_of(problem: Problem, made: Precomputed) -> Declared:
     many = coordinate_count(problem) if problem.parameters.retaining == SCAN else 0
     cell = np.zeros((0, 6)) if made.boxes else np.zeros((0, 0), dtype=np.uint16)
     return {
-        "position": Held(*bounds, where="entered"), "entered": Held(0, 1), "orientation": Held(-1.0 - 1e-9, 1.0 + 1e-9),
+        "position": Held(bounds[0], bounds[1], where="entered"), "entered": Held(0, 1),
+        "orientation": Held(-1.0 - 1e-9, 1.0 + 1e-9),
         "used": Held(0, 1, "used", SIGNS), "pointer": Held(0, many, "pointer", NUMBERS),
         "cell": Held(rows="cell", like=cell), "bounds": Held(0, MOST, "bounds", NUMBERS),
         "misses": Held(EXACT, MOST, "misses", NUMBERS), "depth": Held(0, MOST, "depth", NUMBERS),
