@@ -79,30 +79,36 @@ def check_held(
         if shape[1:] == (0,):
             shape = (*shape[:1], *array.shape[1:])
         if array.dtype != like.dtype or array.shape != shape:
-            raise _refused(name, "another type or shape")
+            raise CheckpointError(_wrong(name, "another type or shape"))
         own = array[arrays[held.where] > 0] if held.where else array
         if not held.any and array.dtype.kind in "iuf" and not _within(own, held):
-            raise _refused(name, "values out of range")
+            raise CheckpointError(_wrong(name, "values out of range"))
     for name, first in new[1].items():
         count = _found(counters, name)
         if not (first is count is None) and not _within(count, declared.get(name, Held())):
-            raise _refused(name, "a value out of range")
+            raise CheckpointError(_wrong(name, "a value out of range"))
     for name in (*(arrays.keys() - new[0].keys() - optional.keys()), *(counters.keys() - new[1].keys())):
-        raise _refused(name, "a name that no such run has")
+        raise CheckpointError(_wrong(name, "a name that no such run has"))
     if rule is not None and not rule(arrays, counters):
-        raise _refused("the arrays together", "values that contradict each other")
+        raise CheckpointError(_wrong("the arrays together", "values that contradict each other"))
 
 
 def _found(held: Mapping[str, Any], name: str) -> Any:
-    """Return what a checkpoint holds under a name."""
+    """Return what a checkpoint holds under a name.
+
+    Raises
+    ------
+    CheckpointError
+        If that is nothing.
+    """
     if name not in held:
-        raise _refused(name, "nothing, which this version of voxgran keeps")
+        raise CheckpointError(_wrong(name, "nothing, which this version of voxgran keeps"))
     return held[name]
 
 
-def _refused(name: str, what: str) -> CheckpointError:
-    """Return the error for a name."""
-    return CheckpointError(f"{name!r} of the checkpoint has {what}: no run leaves it so; start anew without it")
+def _wrong(name: str, what: str) -> str:
+    """Return the message for a name."""
+    return f"{name!r} of the checkpoint has {what}: no run leaves it so; start anew without it"
 
 
 def _within(values: Any, held: Held) -> bool:

@@ -177,8 +177,8 @@ def listed_times(path: str | os.PathLike[str]) -> list[int]:
     try:
         entries = ET.parse(path).getroot().iter("DataSet")
         times = sorted(int(entry.attrib["timestep"]) for entry in entries)
-        if any(time < 1 for time in times):
-            raise ValueError(f"a snapshot after {times[0]} attempts")
-        return times
     except (ET.ParseError, KeyError, ValueError, OSError) as error:
         raise FileFormatError(f"{path} is no list of snapshots ({error}): remove it and run again") from error
+    if times and times[0] < 1:
+        raise FileFormatError(f"{path} is no list of snapshots (after {times[0]} attempts): remove it and run again")
+    return times

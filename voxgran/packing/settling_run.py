@@ -170,7 +170,13 @@ class SettleState:
         return dict(self.settler.counters)
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
-        """Take over the arrays and counters of a checkpoint."""
+        """Take over the arrays and counters of a checkpoint.
+
+        Raises
+        ------
+        CheckpointError
+            If they are not as a run leaves them.
+        """
         settler = self.settler
         check_held((settler.arrays, settler.counters), arrays, counters, settler.declared, settler.rule)
         settler.restore(arrays, counters)

@@ -76,6 +76,11 @@ def precomputed_of(problem: Problem, state: DigitalState) -> Precomputed:
     """Return what follows from the problem, made again where the state is new or was read from a checkpoint.
 
     The canvas, with grains and lid, and the bits of the grains are then made again too.
+
+    Raises
+    ------
+    CheckpointError
+        If a checkpoint has grains of other shapes, or beyond a wall.
     """
     if "precomputed" not in state.derived:
         known = _make(problem)

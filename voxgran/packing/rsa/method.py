@@ -420,8 +420,7 @@ def _open_of(state: State) -> Open:
 
 def _look(problem: Problem, state: State, made: Precomputed) -> None:
     """Set the stop reason when all grains are placed or have been tried."""
-    counters = state.counters
-    if counters["placed"] == problem.count:
+    if (counters := state.counters)["placed"] == problem.count:
         state.stop_reason = "count"
     elif counters["turn"] == len(made.queue) and (
         not counters["put_off"] or made.shapes is not None or 0 < len(state.arrays["late"]) == counters["late"]
