@@ -237,8 +237,9 @@ def hull_of(points: Floats) -> Mesh:
     return Mesh(points, faces)
 
 
-#: least width of a mesh, whose fifth power has to be a number, and least volume and area, in powers of its width
-LEAST_WIDE, LEAST_SHARE = 1e-60, 1e-15
+#: least width of a mesh, whose fifth power has to be a number, least volume and area, in powers of its width, and the
+#: farthest from the origin, in its width, where its coordinates have digits left; rounding of the sum of its normals
+LEAST_WIDE, LEAST_SHARE, FARTHEST, LARGEST_GAP = 1e-60, 1e-15, 1e6, 1e-6
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate
 NO_AREA = 1e-12
 
@@ -293,14 +294,18 @@ def refuse_degenerate(geometry: Triangles, name: str) -> None:
     Raises
     ------
     DirtyMeshError
-        If their volume, or their area, is not above 0 by rounding, or no number.
+        If their volume, or their area, is not above 0, but for rounding, or they are far from the origin or not closed.
     """
+    is_open = isinstance(geometry, Surface)
     with np.errstate(all="ignore"):
         wide = np.ptp(geometry.vertices, axis=0).max(initial=0.0)
-        known = isinstance(geometry, Surface)
-        content = geometry.areas.sum() / wide**2 if known else np.float64(geometry.volume) / wide**3
-    if not (LEAST_WIDE < wide < 1.0 / LEAST_WIDE and content > LEAST_SHARE):
-        what = "area" if known else "volume"
+        far = np.abs(geometry.vertices).max(initial=0.0) / wide
+        normals = normals_of(geometry.triangles / wide)
+        content = np.abs(normals).sum() if is_open else np.float64(geometry.volume) / wide**3
+        # normals of what is closed cancel
+        gap = 0.0 if is_open else np.abs(normals.sum(axis=0)).max() / np.abs(normals).sum()
+    if not (LEAST_WIDE < wide < 1.0 / LEAST_WIDE and far <= FARTHEST and content > LEAST_SHARE and gap < LARGEST_GAP):
+        what = "area" if is_open else "volume"
         raise DirtyMeshError(
             f"{name} has {len(geometry.corners)} faces without {what}: a shape has some; write it again"
         )

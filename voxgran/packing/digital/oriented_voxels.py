@@ -80,7 +80,7 @@ def places_of(problem: Problem, lattice: ContainerLattice) -> Integers:
 
 def declared_sites(places: Integers, oriented: OrientedVoxels) -> Declared:
     """Return what a checkpoint may hold of the sites and members of grains, on a lattice of so many places."""
-    return {"site": Held(0, np.maximum(places - 1, 0)), "member": Held(-1, len(oriented.kind) - 1)}
+    return {"site": Held(-places, 2 * places), "member": Held(-1, len(oriented.kind) - 1)}
 
 
 def stand_within(lattice: ContainerLattice, periodic: Any, oriented: OrientedVoxels, arrays: Any) -> bool:

@@ -118,6 +118,10 @@ def model_values(path: Path) -> Content:
             f"{path} makes grains by {shown(facts['method'])}: known are {', '.join(METHODS)}; learn it again"
         )
     points, corners = arrays["vertex_count"], arrays["face_count"]
+    sound = all(array.ndim == len(ARRAYS[name]) and array.dtype.kind in "iuf" for name, array in arrays.items())
+    whole = sound and all(arrays[name].dtype.kind in "iu" for name in ("faces", "vertex_count", "face_count"))
+    if not whole or arrays["vertices"].shape[1] != 3 or arrays["faces"].shape[1] != 3:
+        raise FileFormatError(f"{path} holds arrays of other types or shapes: it is damaged; write it again")
     inner = np.repeat(points, corners) if (points > 0).all() and (corners > 0).all() else np.zeros(0)
     right = (
         len(points) == len(corners) == len(arrays["weights"]) == len(arrays["donors"])
