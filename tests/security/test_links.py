@@ -1,10 +1,13 @@
 """Links in folders that come from others: nothing is read or written where they lead."""
 
+import ctypes
 import os
+import signal
+import sys
 
 import numpy as np
 import pytest
-from kit import dicom_slice
+from kit import Forked, dicom_slice
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputError
@@ -49,6 +52,39 @@ def test_a_folder_of_results_keeps_what_its_links_lead_to(name, how, others, tmp
     with pytest.raises(OSError, match=words):
         vg.Scene.from_mapping(SCENE).run(place, **({how: True} if how else {}))
     assert (place / name.partition(" ")[0]).is_symlink()
+
+
+@pytest.mark.parametrize("name", ["a", "a[1]"])
+def test_a_checkpoint_beside_the_output_is_no_link(name, others, tmp_path):
+    place = tmp_path / "place"
+    place.mkdir()
+    vg.save(vg.Packing.of([vg.shapes.sphere()], vg.Box((3, 3, 3)), position=[(1, 1, 1)]), place / "in.vtp")
+    for suffix in ("voxgran", "vtp"):
+        (place / f"{name}.checkpoint.{suffix}").symlink_to(others / "none")
+    for words in (["settle"], ["compress", "--axes", "z"], ["relax", "--engine", "yade"]):
+        assert main([words[0], str(place / "in.vtp"), "-o", str(place / f"{name}.vtp"), *words[1:]]) == 1
+    assert sorted(path.name for path in place.iterdir()) == [
+        f"{name}.checkpoint.voxgran",
+        f"{name}.checkpoint.vtp",
+        "in.vtp",
+    ]
+
+
+@pytest.mark.parametrize("name", ["run", "run/snapshot_000000000000100.vtp"])
+@pytest.mark.parametrize("how", [{}, {"resume": True}, {"overwrite": True}])
+def test_snapshots_are_not_written_where_links_lead(name, how, others, tmp_path):
+    place = tmp_path / "place"
+    (place / name).parent.mkdir(parents=True)
+    (place / name).symlink_to(others if name == "run" else others / "thesis.tex")
+    with pytest.raises(OutputError, match="a link to another place"):
+        vg.Series(place / "run.pvd", **how)
+
+
+@pytest.mark.parametrize("time", ["0", "-5"])
+def test_a_list_of_snapshots_has_times_that_are_possible(time, tmp_path):
+    (tmp_path / "run.pvd").write_text(f'<VTKFile><Collection><DataSet timestep="{time}"/></Collection></VTKFile>')
+    with pytest.raises(FileFormatError, match="is no list of snapshots"):
+        vg.Series(tmp_path / "run.pvd", resume=True)
 
 
 @pytest.mark.parametrize("name", ["cells", f"cells/{DRAFT}", "study.nc", "checkpoints"])
@@ -154,6 +190,45 @@ def test_seeds_of_a_summary_are_numbers(tmp_path):
     assert len(packings_of_run(tmp_path / "out")) == 1
 
 
+def without_exchange(event, _):
+    """Stand in, as an audit hook, for a system that cannot exchange two folders in one step."""
+    if event == "ctypes.dlsym/handle" or event == "ctypes.dlsym":
+        raise OSError(38, "Function not implemented")
+
+
+@pytest.mark.parametrize("exchanges", [True, False])
+def test_a_folder_that_is_replaced_is_there_at_any_time(exchanges, tmp_path):
+    """SIGKILL at each call that renames: the earlier folder is at its place, or beside it under a name that stays."""
+    for kill_at in range(1, 4):
+        place = tmp_path / str(kill_at) / "scene"
+        place.mkdir(parents=True)
+        (place / "a.vtp").write_text("old")
+
+        def replace(place=place, kill_at=kill_at):
+            renamed = []
+
+            def watch(event, arguments):
+                if not exchanges:
+                    without_exchange(event, arguments)
+                if event == "os.rename":
+                    renamed.append(event)
+                    if len(renamed) == kill_at:
+                        os.kill(os.getpid(), signal.SIGKILL)
+
+            with written_whole(place, is_own=bool) as draft:
+                draft.mkdir()
+                (draft / "a.vtp").write_text("new")
+                sys.addaudithook(watch)
+            os._exit(0)
+
+        Forked(replace).wait()
+        remove_drafts_in(place.parent)
+        kept = [path.read_text() for path in place.parent.rglob("a.vtp")]
+        assert kept
+        assert set(kept) <= {"old", "new"}
+        assert exchanges <= (place / "a.vtp").is_file()
+
+
 def test_a_folder_that_cannot_be_replaced_stays(tmp_path, monkeypatch):
     (tmp_path / "scene").mkdir()
     (tmp_path / "scene" / "a.vtp").write_text("old")
@@ -166,6 +241,7 @@ def test_a_folder_that_cannot_be_replaced_stays(tmp_path, monkeypatch):
         real(source, target)
 
     monkeypatch.setattr(os, "replace", full)
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: None)
     with pytest.raises(OutputError, match="No space left"), written_whole(tmp_path / "scene", is_own=bool) as draft:
         draft.mkdir()
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]

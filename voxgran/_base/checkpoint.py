@@ -9,9 +9,10 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,101 @@ from voxgran._base.files import existing_file, written_whole
 from voxgran._base.guarded import refused
 
 _MAGIC = b"voxgran checkpoint 1"
+#: largest magnitude of numbers of which nothing is declared: far beyond all lengths, and safe to be squared
+FAR = 1e15
+#: largest magnitude of whole numbers of which nothing is declared
+MOST = 2**62
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What an array, or a whole number, of a checkpoint may hold.
+
+    low, high: range of its values, or of each column; NaN is in no range.  rows: name of the arrays that have as many
+    rows as each other, whatever these are; without it there are as many as in a new state.  like: an array of that type
+    and with such rows, of any length where theirs is 0, where a new state may have none.  where: only those rows count
+    whose number in the array of that name is above 0.  any: whether it may hold all values, NaN included.
+    """
+
+    low: Any = None
+    high: Any = None
+    rows: str = ""
+    like: NDArray[Any] | None = None
+    where: str = ""
+    any: bool = False
+
+
+#: what is declared of a kind of checkpoint: its arrays and whole numbers by name, and a rule for all of them together
+Declared: TypeAlias = Mapping[str, Held]
+Rule: TypeAlias = Callable[[Mapping[str, NDArray[Any]], Mapping[str, Any]], bool]
+
+
+def check_held(
+    new: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]],
+    arrays: Mapping[str, NDArray[Any]],
+    counters: Mapping[str, Any],
+    declared: Declared,
+    rule: Rule | None = None,
+) -> None:
+    """Check what a checkpoint holds before anything is computed from it.
+
+    new: arrays and whole numbers of a new state of the same run, which has the same names.
+
+    Raises
+    ------
+    CheckpointError
+        If an array has another type or shape than one of such a run, or a value is out of its range.
+    """
+    lengths: dict[str, int] = {}
+    optional = {name: held.like for name, held in declared.items() if held.like is not None}
+    for name, like in {**new[0], **optional}.items():
+        if name not in arrays and name in optional:
+            continue
+        array, held = _found(arrays, name), declared.get(name, Held())
+        shape = like.shape
+        if held.rows and array.ndim:
+            shape = (lengths.setdefault(held.rows, len(array)), *shape[1:])
+        if shape[1:] == (0,):
+            shape = (*shape[:1], *array.shape[1:])
+        if array.dtype != like.dtype or array.shape != shape:
+            raise CheckpointError(_wrong(name, "another type or shape"))
+        own = array[arrays[held.where] > 0] if held.where else array
+        if not held.any and array.dtype.kind in "iuf" and not _within(own, held):
+            raise CheckpointError(_wrong(name, "values out of range"))
+    for name, first in new[1].items():
+        count = _found(counters, name)
+        if not (first is count is None) and not _within(count, declared.get(name, Held())):
+            raise CheckpointError(_wrong(name, "a value out of range"))
+    for name in (*(arrays.keys() - new[0].keys() - optional.keys()), *(counters.keys() - new[1].keys())):
+        raise CheckpointError(_wrong(name, "a name that no such run has"))
+    if rule is not None and not rule(arrays, counters):
+        raise CheckpointError(_wrong("the arrays together", "values that contradict each other"))
+
+
+def _found(held: Mapping[str, Any], name: str) -> Any:
+    """Return what a checkpoint holds under a name.
+
+    Raises
+    ------
+    CheckpointError
+        If that is nothing.
+    """
+    if name not in held:
+        raise CheckpointError(_wrong(name, "nothing, which this version of voxgran keeps"))
+    return held[name]
+
+
+def _wrong(name: str, what: str) -> str:
+    """Return the message for a name."""
+    return f"{name!r} of the checkpoint has {what}: no run leaves it so; start anew without it"
+
+
+def _within(values: Any, held: Held) -> bool:
+    """Return whether all values are in their range."""
+    whole = not isinstance(values, np.ndarray) or values.dtype.kind != "f"
+    most = MOST if whole else FAR
+    low, high = (-most if held.low is None else held.low), (most if held.high is None else held.high)
+    return bool(np.all((values >= low) & (values <= high)))
 
 
 def save_checkpoint(

@@ -7,6 +7,7 @@ written to.
 """
 
 import contextlib
+import ctypes
 import errno
 import functools
 import gzip
@@ -224,7 +225,7 @@ def written_whole(
                 yield draft
             if sync:
                 _sync(draft)
-            _replace(draft, place, is_own or _none_is_own)
+            _replace(draft, place, is_own or (lambda _: False))
         else:
             with tempfile.TemporaryDirectory() as folder:
                 whole = Path(folder) / f"draft{target.suffix}"
@@ -277,15 +278,15 @@ def files_in(folder: Path) -> list[Path]:
     return files
 
 
-def refuse_links(folder: Path, names: str = "**/*") -> None:
-    """Refuse a folder for results in which a link leads out of it, where `names` may be written.
+def refuse_links(folder: Path, *paths: Path) -> None:
+    """Refuse a folder for results in which a link leads out of it: anywhere, or at some paths that may be written.
 
     Raises
     ------
     OutputError
         If one does.
     """
-    for path in folder.glob(names):
+    for path in paths or folder.rglob("*"):
         # nothing is written into hidden folders, such as environments of Python
         is_hidden = any(place.name.startswith(".") for place in path.relative_to(folder).parents)
         if path.is_symlink() and leads_out(path, folder) and not is_hidden:
@@ -303,7 +304,7 @@ def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True)
     """
     # most of them have names that the caller did not choose
     for path in contents if len(contents) > 1 else ():
-        refuse_links(path.parent, path.name)
+        refuse_links(path.parent, path)
     with contextlib.ExitStack() as stack:
         for path, content in contents.items():
             draft = stack.enter_context(written_whole(path, overwrite=overwrite))
@@ -399,17 +400,16 @@ def _refuse_other_files(folder: Path, is_own: Callable[[Path], bool]) -> None:
             )
 
 
-def _none_is_own(path: Path) -> bool:
-    """Return false: no file of a folder may be removed."""
-    del path
-    return False
-
-
 def _replace(draft: Path, place: Path, is_own: Callable[[Path], bool]) -> None:
-    """Move the draft to its place."""
+    """Move the draft to its place; an earlier folder is under one of its names at any time."""
     if draft.is_dir() and place.is_dir():
         _refuse_other_files(place, is_own)
-        old = place.with_name(_draft_name(place, secrets.token_hex(4)))
+        with contextlib.suppress(OSError, AttributeError):
+            # Linux exchanges both in one step (RENAME_EXCHANGE is 2); paths are not relative to an open folder (-100)
+            if ctypes.CDLL(None).renameat2(-100, os.fsencode(draft), -100, os.fsencode(place), 2) == 0:
+                return
+        # no draft, which the next run would remove
+        old = place.with_name(f"{place.name}.earlier-{secrets.token_hex(4)}")
         os.replace(place, old)
         try:
             os.replace(draft, place)

@@ -4,7 +4,6 @@ A form is a plain mapping that a page can hold. The text of a field is what stan
 that is no TOML is a word without its quotes. An empty field keeps the default.
 """
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from types import NoneType
@@ -16,6 +15,7 @@ from voxgran._base.lazy import load
 from voxgran.containers.model import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
+from voxgran.scene.checked_sections import parsed_toml
 from voxgran.scene.keys import AnyShape, Listed, Packed, Settled, ShapeOfFamily, ShapeOfFile, Twinned
 from voxgran.scene.sections import General, Output
 from voxgran.scene.twins.section import ALONE
@@ -221,8 +221,8 @@ def value_of(field: Form) -> Any:
     if table is not None:
         return table[0] if len(table) == 1 else table
     try:
-        return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError:
+        return parsed_toml(f"v = {text}")["v"]
+    except (ValueError, RecursionError):
         return text
 
 

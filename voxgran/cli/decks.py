@@ -8,7 +8,7 @@ from typing import Any
 import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError
-from voxgran._base.files import as_path, refuse_to_replace
+from voxgran._base.files import as_path, refuse_links, refuse_to_replace
 from voxgran.cli.terminal import entry_line, progress, show
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.relax import remove_state, save_history
@@ -54,6 +54,8 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
     ------
     InputError
         If the output or the history has another suffix than .vtp and .nc.
+    OutputError
+        If the checkpoint beside the output is a link to another place.
     """
     if known_suffix(options.output) != ".vtp":
         raise InputError(f"output is {options.output!r}: relaxed packings are kept as .vtp; change the suffix")
@@ -61,6 +63,8 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
         raise InputError(f"history is {options.history!r}: the course of a run is kept as .nc; change the suffix")
     if not options.overwrite:
         refuse_to_replace(*(path for path in (options.output, options.history) if path))
+    checkpoint = checkpoint_of(options)
+    refuse_links(checkpoint.parent, checkpoint)
     with progress(options) as on_step:
         rested, history = voxgran.relax(
             packing,
@@ -69,14 +73,14 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
             longest=options.longest,
             folder=options.folder,
             overwrite=options.overwrite,
-            checkpoint=checkpoint_of(options),
+            checkpoint=checkpoint,
             on_step=on_step,
             **_asked(options),
         )
     voxgran.save(rested, options.output, overwrite=options.overwrite)
     if options.history:
         save_history(history, options.history, overwrite=options.overwrite)
-    remove_state(checkpoint_of(options))
+    remove_state(checkpoint)
     last = {str(name): float(values[-1]) for name, values in history.data_vars.items()}
     told = {name: history.attrs[name] for name in ("sinking", "change_of_coordination", "touching_gap")}
     rests = bool(history.attrs["rests"])

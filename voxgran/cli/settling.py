@@ -14,7 +14,7 @@ from voxgran._base.arrays import as_share
 from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran._base.files import as_path, refuse_to_replace
+from voxgran._base.files import as_path, refuse_links, refuse_to_replace
 from voxgran.cli.parameters import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.containers.gravity import as_down, proposed_axis
@@ -94,9 +94,17 @@ def _moved(
     move: Callable[..., Packing],
     summary: Callable[[Packing, Packing], dict[str, Any]],
 ) -> int:
-    """Move the grains of a packing in a run with checkpoints, write and verify them, and show the main numbers."""
+    """Move the grains of a packing in a run with checkpoints, write and verify them, and show the main numbers.
+
+    Raises
+    ------
+    OutputError
+        If the checkpoint beside the output is a link to another place.
+    """
     check_savable(packing, options.output)
     checkpoint = checkpoint_of(options)
+    if not options.checkpoint:
+        refuse_links(checkpoint.parent, checkpoint)
     begin(options, [as_path(options.output)], [checkpoint])
     with progress(options) as on_step:
         after = move(checkpoint=checkpoint, resume=options.resume, on_step=on_step)

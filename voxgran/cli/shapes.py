@@ -73,7 +73,7 @@ def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
     form = voxgran.describe(shapes)
     written = []
     if folder is not None:
-        refuse_links(made_folder(folder), "*")
+        refuse_links(made_folder(folder), *folder.glob("*"))
         digits = len(str(options.count - 1))
         files = [f"{options.family}_{k:0{digits}}.{options.format or 'stl'}" for k in range(len(shapes))]
         for made, file in zip(shapes, files, strict=True):

@@ -29,7 +29,7 @@ def twin(options: argparse.Namespace, sample: Packing) -> None:
         If a link in the folder leads to another place.
     """
     out, seeds = as_path(options.output), 1 if options.seeds is None else options.seeds
-    refuse_links(out, "*")
+    refuse_links(out, *out.glob("*"))
     many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
     further = [f"twin_{options.seed + k}.vtp" for k in range(1, many)]
     checkpoints = checkpoints_of(out / CHECKPOINT, many)

@@ -187,7 +187,7 @@ def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *,
         # what a run writes is named after its engine, too
         refuse_to_replace(*(as_path(folder) / name for name in texts), *as_path(folder).glob(f"{engine}*"))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
-    refuse_links(place, f"{engine}*")
+    refuse_links(place, place, *place.glob(f"{engine}*"))
     try:
         write_files({place / name: text for name, text in texts.items()})
     except OutputError:

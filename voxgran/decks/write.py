@@ -163,8 +163,7 @@ def write_deck(
     paths = tuple(place / name for name in texts)
     if not overwrite:
         refuse_to_replace(*paths)
-    for name in texts:
-        refuse_links(place, name)
+    refuse_links(place, *paths)
     write_files(dict(zip(paths, texts.values(), strict=True)))
     return Deck(engine=engine, folder=place, files=paths, simulation=simulation, packing=held, command=found.command)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import linear
-from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
+from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points, check_lengths
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
@@ -31,7 +31,7 @@ from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, r
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.mesh import LatticePoints, Mesh, Surface
+from voxgran.shapes.mesh import LatticePoints, Mesh, Surface, refuse_degenerate
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -142,7 +142,7 @@ def from_record(record: Record) -> Packing:
         packing = _packing(record)
     except (FileFormatError, MissingLibraryError):
         raise
-    except (VoxgranError, KeyError, IndexError, TypeError, ValueError, OverflowError, RecursionError) as error:
+    except (VoxgranError, KeyError, IndexError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise FileFormatError(
             f"it holds no packing of voxgran ({reason_of(error, most=300)}): write it again"
         ) from error
@@ -313,7 +313,10 @@ def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], unit: s
     x, y, z = (float(value) for value in entry["offset"])
     own = unit if known_unit(entry["unit"]) == unit else None
     record = record_of_json(entry.get("record", {}))
-    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), own, record=record)
+    geometry = _geometry(entry, arrays)
+    if isinstance(geometry, Mesh | Surface):
+        refuse_degenerate(geometry, str(entry["name"]))
+    shape = Shape(geometry, entry["name"], (x, y, z), own, record=record)
     if shape.key != entry["key"]:
         raise FileFormatError(f"shape {shape.name!r} is not the one that was saved: write the file again")
     return shape
@@ -330,6 +333,7 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
     if "steps" in part:
         step, first = (as_floats(entry[name], name, shape=(3,)) for name in ("step", "first"))
         faces = as_faces(part["corners"].astype(np.int64), len(part["steps"]))
+        check_lengths(step, "step")
         return (Mesh if kind == "Mesh" else Surface)(LatticePoints(part["steps"], step, first), faces)
     if kind in ("Mesh", "Surface"):
         vertices = as_points(part["points"], "vertices")

@@ -14,7 +14,7 @@ from pathlib import Path
 from voxgran._base.arrays import as_count
 from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import FileFormatError, OutputError
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, remove_drafts_in, write_text
+from voxgran._base.files import as_path, output_suffix, refuse_links, refuse_to_replace, remove_drafts_in, write_text
 from voxgran.io.vtk_files import has_seal, save_packing
 from voxgran.packing.model import Packing, check_packing
 
@@ -44,6 +44,8 @@ class Series:
         If the suffix is not ``.pvd``, or the file that is to be continued is damaged.
     OutputExistsError
         If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
+    OutputError
+        If the folder of the snapshots is a link to another place, or holds one.
 
     Examples
     --------
@@ -70,6 +72,8 @@ class Series:
         self.max_snapshots = as_count(max_snapshots, "max_snapshots", at_least=2)
         self.every = as_count(every, "every", at_least=1)
         self.times: list[int] = []
+        refuse_links(self.path.parent, self.folder)
+        refuse_links(self.folder, *self.folder.glob("*"))
         if resume or overwrite:
             remove_drafts_in(self.folder)
         if resume and self.path.is_file():
@@ -171,6 +175,9 @@ def listed_times(path: str | os.PathLike[str]) -> list[int]:
     """
     try:
         entries = ET.parse(path).getroot().iter("DataSet")
-        return sorted(int(entry.attrib["timestep"]) for entry in entries)
+        times = sorted(int(entry.attrib["timestep"]) for entry in entries)
     except (ET.ParseError, KeyError, ValueError, OSError) as error:
         raise FileFormatError(f"{path} is no list of snapshots ({error}): remove it and run again") from error
+    if times and times[0] < 1:
+        raise FileFormatError(f"{path} is no list of snapshots (after {times[0]} attempts): remove it and run again")
+    return times

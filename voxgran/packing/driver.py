@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from voxgran._base.checkpoint import load_checkpoint, refuse_other_file, save_checkpoint
+from voxgran._base.checkpoint import MOST, load_checkpoint, refuse_other_file, save_checkpoint
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
@@ -24,6 +24,7 @@ from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.stopping import Signals, Stopped, heed, stopping_when
+from voxgran.packing.grains import STOP_REASONS
 from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -213,16 +214,25 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
         )
     try:
         for name in problem.made:
-            problem.made[name] |= set(arrays.pop(name).tolist())
+            keys = arrays.pop(name)
+            if keys.dtype != np.uint64 or keys.ndim != 1:
+                raise ValueError(f"{name} are no keys")
+            problem.made[name] |= set(keys.tolist())
+        done, total, reason = (header[name] for name in ("done", "total", "stop_reason"))
+        if type(done) is not int or type(total) is not int or not (0 <= done <= MOST and 0 <= total <= MOST):
+            raise ValueError(f"done is {done!r} and total {total!r}")
+        if reason != "" and reason not in STOP_REASONS:
+            raise ValueError(f"stop_reason is {reason!r}")
+        state.done, state.total, state.stop_reason = done, total, reason
         state.restore(arrays, _counters(header["counters"]))
-        state.done, state.total = int(header["done"]), int(header["total"])
-        state.stop_reason = str(header["stop_reason"])
     except KeyError as error:
         raise CheckpointError(
             f"{path} has no {error}, which this version of voxgran keeps: resume with the version that wrote it, or "
             "start anew: without it, or at the prompt with --overwrite"
         ) from error
-    except (TypeError, ValueError, OverflowError, AttributeError) as error:
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error}") from error
+    except (TypeError, ValueError, OverflowError, AttributeError, LookupError) as error:
         raise CheckpointError(
             f"{path} is not as a run leaves it ({reason_of(error)}): start anew without it"
         ) from error

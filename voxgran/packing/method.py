@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
+from voxgran._base.checkpoint import Declared, Held, Rule, check_held
 from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown, warn
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
@@ -47,6 +48,8 @@ METHODS = {
     "tetrahedral": "tessellation.method",
     "voronoi_fill": "tessellation.voronoi_method",
 }
+#: share of the width of a container by which rounding may put a center beyond it
+ROUND_OFF = 1e-9
 #: bytes of the interpreter and the libraries during packing (measured)
 PACKING_BYTES = 120 * 2**20
 #: what a warning says of a method that has no room for all grains
@@ -107,6 +110,7 @@ class State:
 
     done, total: attempts made, and largest number of attempts.  stop_reason: empty while the method has not stopped.
     derived: data that follow from the problem and the other fields; computed again when missing, never saved.
+    declared, rule: what a checkpoint may hold, beyond arrays as they are in a new state and finite values.
 
     Examples
     --------
@@ -123,9 +127,12 @@ class State:
     total: int = 0
     stop_reason: str = ""
     derived: dict[str, Any] = field(default_factory=dict)
+    declared: Declared = field(default_factory=dict)
+    rule: Rule | None = None
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
         """Take over the arrays and counters of a checkpoint."""
+        check_held((self.arrays, self.counters), arrays, counters, self.declared, self.rule)
         self.arrays, self.counters = arrays, counters
 
     def end_if(self, *, placed: bool, full: bool) -> None:
@@ -134,6 +141,16 @@ class State:
         self.stop_reason = self.stop_reason or next((reason for reason, holds in reasons.items() if holds), "")
         if self.stop_reason:
             self.derived.clear()
+
+
+def spheres_within(problem: Problem, rows: str = "") -> Held:
+    """Return what a checkpoint may hold of spheres, (n, 4): centers from the lower corner of the container, and radii.
+
+    rows: as in :class:`voxgran._base.checkpoint.Held`.
+    """
+    wide = np.ptp(problem.container.bounds, axis=0)
+    slack = ROUND_OFF * float(wide.max())
+    return Held([-slack, -slack, -slack, 0.0], [*(wide + slack), float(wide.max())], rows)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -149,6 +166,8 @@ class TypedState:
     total: int = 0
     stop_reason: str = ""
     derived: dict[str, Any] = field(default_factory=dict)
+    declared: Declared = field(default_factory=dict)
+    rule: Rule | None = None
 
     @property
     def arrays(self) -> dict[str, Array]:
@@ -162,6 +181,7 @@ class TypedState:
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
         """Take over the arrays and counters of a checkpoint."""
+        check_held((self.arrays, self.counters), arrays, counters, self.declared, self.rule)
         for name, array in arrays.items():
             setattr(self, name, array if array.ndim else float(array))
         for name, count in counters.items():

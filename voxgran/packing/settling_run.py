@@ -8,8 +8,9 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import check_held
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import NAMED, InputError
+from voxgran._base.errors import NAMED, CheckpointError, InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
@@ -169,8 +170,18 @@ class SettleState:
         return dict(self.settler.counters)
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
-        """Take over the arrays and counters of a checkpoint."""
-        self.settler.restore(arrays, counters)
+        """Take over the arrays and counters of a checkpoint.
+
+        Raises
+        ------
+        CheckpointError
+            If they are not as a run leaves them.
+        """
+        settler = self.settler
+        check_held((settler.arrays, settler.counters), arrays, counters, settler.declared, settler.rule)
+        settler.restore(arrays, counters)
+        if settler.ended and not self.stop_reason:
+            raise CheckpointError("the checkpoint tells no reason why the run ended: start anew without it")
 
 
 #: how methods end whose grains settle, and a run that goes on; checkpoints hold the places in this list
@@ -249,9 +260,9 @@ class SettledState:
         self.outer = outer
         if self.held is not None:
             arrays, counters = self.held
-            outer.done, outer.total = int(counters.pop("done")), int(counters.pop("total"))
-            outer.restore(arrays, counters)
+            outer.done, outer.total = (counters.pop(name, None) or 0 for name in ("done", "total"))
             outer.stop_reason = self.stop_reason
+            outer.restore(arrays, counters)
             self.held = None
 
 

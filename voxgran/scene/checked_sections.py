@@ -4,6 +4,7 @@ The sections [settle], [compress] and [measure] of a scene say what becomes of g
 """
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,6 +32,13 @@ from voxgran.settling.parameters import Compression, Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 T = TypeVar("T")
+
+#: bytes of a scene: twenty thousand rows of a list of grains, which are read within some seconds
+LONGEST_SCENE = 2**22
+#: parts of a name, of which scenes have two or three: the time to read one grows with their square or cube
+DEEPEST = 32
+#: numbers in lists and rows of points, which are in no name
+NUMBER = re.compile(r"\d\.\d[\de+-]*(?=\s*[],}])|\.(?=\.)")
 
 
 def section_of(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
@@ -91,6 +99,23 @@ def refuse_engines(output: Output, material: Material | Materials, container: Co
         refuse_unheld(engine_registry().get(engine), material, container)
 
 
+def parsed_toml(text: str) -> dict[str, Any]:
+    """Return what a text of TOML holds, as nested mappings.
+
+    Raises
+    ------
+    ValueError
+        If it is not TOML, or names have more than `DEEPEST` parts.
+    RecursionError
+        If it has values in too many brackets.
+    """
+    for number, line in enumerate(NUMBER.sub("", text).splitlines(), 1):
+        # a name ends before a sign of equality, or at the end of the line of a table
+        if line.count(".") > DEEPEST and any(part.count(".") > DEEPEST for part in line.split("=")):
+            raise ValueError(f"a name has more than {DEEPEST} parts at line {number}")
+    return tomllib.loads(text)
+
+
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return what a TOML file holds, as nested mappings.
 
@@ -104,8 +129,12 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     found = existing_file(path)
     if found.suffix.lower() == ".vtp":
         raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
+    if found.stat().st_size > LONGEST_SCENE:
+        raise FileFormatError(
+            f"{found} has {found.stat().st_size} bytes: scenes have at most {LONGEST_SCENE}; write long lists to files"
+        )
     try:
-        return tomllib.loads(found.read_text(encoding="utf-8"))
+        return parsed_toml(found.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
         mend = "mend that line; text is written in quotes, flags are true and false"

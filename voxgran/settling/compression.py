@@ -41,7 +41,7 @@ from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
 from voxgran.settling.parting import close_round, part_grains
-from voxgran.settling.progress import Resumable
+from voxgran.settling.progress import OF_COMPRESSION, Resumable
 from voxgran.settling.quasi_static import KEPT, TRIANGLES
 from voxgran.settling.stress_balance import (
     balance_grains,
@@ -56,6 +56,8 @@ from voxgran.settling.stress_balance import (
 #: stages: an examination of grains that may be in balance already, steps to the stress, rounds in which the surfaces of
 #: meshes are parted, and the end
 START, PRESSING, CLOSING, ENDED = range(4)
+#: least mobility in a checkpoint
+LEAST_MOBILITY = 1e-12
 #: iterations of a step of unit mobility, which grow with its square root, and their bounds
 ITERATIONS, FEWEST, MANY = 20.0, 40, 100
 #: tolerance of a step, and compression of a contact by a unit force in it
@@ -149,6 +151,8 @@ class Compressor(Resumable):
     #: whether grains come to rest without friction
     slides = True
 
+    HELD = OF_COMPRESSION
+
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start
         self.modes = how.modes_of(assembly.container)
@@ -222,6 +226,10 @@ class Compressor(Resumable):
             self.restore(*kept)
             raise
         self.progress.step += 1
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together, and grains that are pressed can move."""
+        return (counters["stage"] == START or arrays["mobility"] > LEAST_MOBILITY) and super().rule(arrays, counters)
 
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""

@@ -5,16 +5,19 @@ still move.
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import FrictionTable
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.progress import CLOSING, STILL, Progress, Resumable
+from voxgran.settling.progress import CLOSING, GROWTH, OF_SETTLING, RAIN, STILL, Progress, Resumable
 from voxgran.settling.quasi_static import TRIANGLES, SolverPreset
 
 #: distance up to which surfaces touch
@@ -57,6 +60,14 @@ class Examined(Resumable):
     friction: float | FrictionTable
     progress: Progress
     _frictionless: bool
+    small: Floats | None
+    rain: Any
+    HELD = OF_SETTLING
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together, and its stage is one of these grains."""
+        known = {GROWTH: self.small is not None, RAIN: self.rain is not None}
+        return known.get(counters["stage"], True) and super().rule(arrays, counters)
 
     @property
     def slides(self) -> bool:

@@ -237,6 +237,9 @@ def hull_of(points: Floats) -> Mesh:
     return Mesh(points, faces)
 
 
+#: least width of a mesh, whose fifth power has to be a number, least volume and area, in powers of its width, and the
+#: farthest from the origin, in its width, where its coordinates have digits left; rounding of the sum of its normals
+LEAST_WIDE, LEAST_SHARE, FARTHEST, LARGEST_GAP = 1e-60, 1e-15, 1e6, 1e-6
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate
 NO_AREA = 1e-12
 
@@ -283,6 +286,29 @@ class Surface(Triangles):
         second = linear.einsum("f,fki,fkj->ij", self.areas, corners, corners)
         second = (second + linear.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
         return read_only(np.trace(second) * np.eye(3) - second)
+
+
+def refuse_degenerate(geometry: Triangles, name: str) -> None:
+    """Refuse triangles of a file that enclose nothing, or have no area.
+
+    Raises
+    ------
+    DirtyMeshError
+        If their volume, or their area, is not above 0, but for rounding, or they are far from the origin or not closed.
+    """
+    is_open = isinstance(geometry, Surface)
+    with np.errstate(all="ignore"):
+        wide = np.ptp(geometry.vertices, axis=0).max(initial=0.0)
+        far = np.abs(geometry.vertices).max(initial=0.0) / wide
+        normals = normals_of(geometry.triangles / wide)
+        content = np.abs(normals).sum() if is_open else np.float64(geometry.volume) / wide**3
+        # normals of what is closed cancel
+        gap = 0.0 if is_open else np.abs(normals.sum(axis=0)).max() / np.abs(normals).sum()
+    if not (LEAST_WIDE < wide < 1.0 / LEAST_WIDE and far <= FARTHEST and content > LEAST_SHARE and gap < LARGEST_GAP):
+        what = "area" if is_open else "volume"
+        raise DirtyMeshError(
+            f"{name} has {len(geometry.corners)} faces without {what}: a shape has some; write it again"
+        )
 
 
 def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:

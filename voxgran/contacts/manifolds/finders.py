@@ -83,8 +83,11 @@ class ContactFinders:
         self._walls = kernel_container(assembly.container)
         self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
+        #: (s,) corners of the shapes, of which what is remembered of pairs names some
+        self.corners: Integers = np.zeros(len(assembly.shapes), dtype=np.int64)
         if CONVEX in self.kinds:
-            self._convex_work = convex_work(convex_bodies(assembly.shapes, hulls=hulls), grains)
+            bodies = convex_bodies(assembly.shapes, hulls=hulls)
+            self._convex_work, self.corners = convex_work(bodies, grains), np.diff(bodies.first)
         if SURFACE in self.kinds:
             self._surfaces = surface_bodies(assembly.shapes)
             self._surface_work, self._remembered = surface_work(self._surfaces, 0), no_pairs()

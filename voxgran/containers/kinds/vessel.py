@@ -132,7 +132,7 @@ def _shells_of_file(path: str | os.PathLike[str]) -> tuple[str, list[Shell]]:
 def _parted(points: Floats, faces: Integers, *, is_open: bool = False) -> list[Shell]:
     """Return the shells of a surface; `is_open` says that a closed one counts as open."""
     label = shell_labels(points, faces)
-    parts = [without_unused(points, faces[label == k]) for k in range(int(label.max()) + 1)]
+    parts = [without_unused(points, faces[label == k]) for k in range(int(label.max(initial=-1)) + 1)]
     return [(*part, is_open or edge_faults(part[1], len(part[0]))[0] > 0) for part in parts]
 
 

@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import Held, Rule
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
@@ -31,8 +32,8 @@ from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Front, FrontRules, Spheres
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
-from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_all
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.advancing_front.sphere_cells import BITS, IMAGES, lay_cells, link_all
+from voxgran.packing.method import Cost, PackingMethod, State, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.obstacles import refuse_no_spheres
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
@@ -118,12 +119,36 @@ def prepare(problem: Problem) -> State:
         "touched": np.zeros((FIRST, 3), dtype=np.int32),
     }
     most = _most_attempts(problem, dense=problem.parameters.mode == "dense")
-    state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, most)
+    spheres, grain = spheres_within(problem), Held(0, problem.count)
+    last = np.abs(np.array(_spheres(problem)[-1]))
+    declared = {
+        "spheres": Held(np.minimum(spheres.low, -last), np.maximum(spheres.high, last)), "narrow": Held(0, 1),
+        "order": Held(0, problem.count - 1), "key": Held(rows="front"),
+        "touched": Held(-IMAGES, problem.count * IMAGES + IMAGES - 1, "front"),
+        **dict.fromkeys(("placed", "ranked"), grain), **dict.fromkeys(("front", "closed", "begun"), Held(0)),
+        "missed_in_a_row": Held(0, PATIENCE),
+    }  # fmt: skip
+    state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, most, declared=declared, rule=_fits(problem))
     if problem.start is not None:
         state.arrays["spheres"][:n] = spheres_of_start(problem)
         state.counters["placed"] = n
     _look(problem, state)
     return state
+
+
+def _fits(problem: Problem) -> Rule:
+    """Return the rule for a checkpoint: the spheres are those of the grains, and the front is within its array."""
+
+    def fits(arrays: Any, counters: Any) -> bool:
+        placed, order = counters["placed"], arrays["order"]
+        own = problem.bounding_radii[order[:placed]]
+        return bool(
+            len(np.unique(order)) == problem.count and counters["front"] <= len(arrays["key"]) > 0
+            and counters["ranked"] <= placed and np.allclose(arrays["spheres"][:placed, 3], own, rtol=1e-9, atol=0.0)
+            and np.array_equal(arrays["spheres"][-1], _spheres(problem)[-1])
+        )  # fmt: skip
+
+    return fits
 
 
 def _spheres(problem: Problem) -> Floats:

@@ -17,9 +17,11 @@ from typing import Any, cast
 
 import numpy as np
 
+from voxgran._base.checkpoint import Declared, Held
 from voxgran._base.config import to_mapping
 from voxgran.packing.model import Packing
 from voxgran.settling.bed import Bed
+from voxgran.settling.progress import COUNTS
 from voxgran.settling.search import MET, MOST_TRIES, SLIPPERY, Search
 
 #: grains of the bulk from which on its solid fraction counts: a half more than it must hold to be measured
@@ -131,6 +133,25 @@ class SoughtBed:
             self.settler.step()
         if self.settler.ended:
             self._judge()
+
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold: of the best bed all that it holds of the present one."""
+        settler, one = self.settler, self.settler.declared
+        best = {
+            PREFIX + name: replace(held, rows=held.rows and PREFIX + held.rows, like=settler.arrays.get(name))
+            for name, held in {**dict.fromkeys(settler.arrays, Held()), **one}.items()
+        }
+        own = {"tries": Held(rows="tries"), "place": Held(-1e6, 1e6), "made": COUNTS, "former_steps": COUNTS}
+        return {**one, **best, **own, "by_bulk": Held(-1, WHOLE), "over": Held(0, 1)}
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together: of the best bed all, or nothing before there is one."""
+        best = {name.removeprefix(PREFIX): arrays[name] for name in arrays if name.startswith(PREFIX)}
+        known = {name.removeprefix(PREFIX) for name in counters if name.startswith(PREFIX)}
+        whole = best.keys() == self.settler.arrays.keys() and known == self.settler.counters.keys()
+        none = not best and not known and not len(arrays["tries"])
+        return (none or (whole and self.settler.rule(best, counters))) and self.settler.rule(arrays, counters)
 
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""

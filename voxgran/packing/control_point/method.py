@@ -37,6 +37,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import MOST, Held
 from voxgran._base.errors import InputError
 from voxgran.containers.gravity import gravity_vector, main_axis, upward
 from voxgran.packing.control_point.attempts import enter_raised, make_attempts
@@ -150,6 +151,11 @@ def prepare(problem: Problem) -> ControlState:
         step=np.zeros(n),
         lifted=np.zeros(n, dtype=np.int64),
     )
+    bounds = np.array(problem.container.bounds)
+    state.declared = {
+        "position": Held(bounds[0], bounds[1], where="entered"), "orientation": Held(-1.0 - 1e-9, 1.0 + 1e-9),
+        "entered": Held(0, 1), "step": Held(0.0, float(np.ptp(bounds, axis=0).max())), "lifted": Held(0, MOST),
+    }  # fmt: skip
     return begin(WALKER, problem, state)
 
 

@@ -21,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import MOST, Held
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
@@ -32,7 +33,7 @@ from voxgran.packing.beds.inlet import Inlet, column_below
 from voxgran.packing.deposition.facets import standing_out
 from voxgran.packing.deposition.field import ROWS, WIDTH, Field
 from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.obstacles import refuse_no_spheres
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
@@ -105,7 +106,9 @@ def prepare(problem: Problem) -> State:
     spheres = np.zeros((problem.count, 4))
     spheres[: problem.started] = spheres_of_start(problem)
     arrays = {"spheres": spheres, "tally": np.array([problem.started, *[0] * (TALLIES - 1)])}
-    state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
+    most = ATTEMPTS * (problem.count - problem.started) + PATIENCE
+    declared = {"spheres": spheres_within(problem), "tally": Held(0, [problem.count, *[MOST] * (TALLIES - 1)])}
+    state = State(arrays, {}, 0, most, declared=declared)
     _look(problem, state)
     return state
 

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
+from voxgran._base.checkpoint import Rule, check_held
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
@@ -43,12 +44,14 @@ from voxgran.packing.digital.feasible_places import (
 )
 from voxgran.packing.digital.oriented_voxels import (
     OrientedVoxels,
+    declared_sites,
     enter_start,
     kinds_of,
     orient,
     packing_of_sites,
     places_of,
     poses_to_voxelize,
+    stand_within,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.method import NO_ROOM_ON_LATTICE, Cost, PackingMethod, State
@@ -127,10 +130,27 @@ def prepare(problem: Problem) -> State:
         "order": np.concatenate([np.arange(n), waiting]).astype(np.int64),
     }
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, problem.count - n)
+    state.rule = _fits(problem, state)
     _enter_start(problem, state)
     if problem.count == n:
         state.stop_reason = "count"
     return state
+
+
+def _fits(problem: Problem, state: State) -> Rule:
+    """Return the rule for a checkpoint: each grain had its turn once, and stands within the walls."""
+
+    def fits(arrays: Any, counters: Any) -> bool:
+        setting = _setting(problem, state)
+        check_held((arrays, {}), arrays, {}, declared_sites(setting.room.places, setting.oriented))
+        placed, done = counters["placed"], state.done
+        return bool(
+            np.array_equal(np.sort(arrays["order"]), np.arange(problem.count)) and done <= state.total
+            and placed + counters["skipped"] == done and counters["map_updates"] >= 0
+            and stand_within(setting.lattice, problem.container.periodic, setting.oriented, arrays)
+        )  # fmt: skip
+
+    return fits
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:

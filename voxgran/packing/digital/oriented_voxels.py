@@ -12,6 +12,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.checkpoint import Declared, Held
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran.packing.digital.bit_columns import (
@@ -75,6 +76,20 @@ def places_of(problem: Problem, lattice: ContainerLattice) -> Integers:
     if problem.dimension == 2:
         places[2] = 1
     return np.asarray(places, dtype=np.int64)
+
+
+def declared_sites(places: Integers, oriented: OrientedVoxels) -> Declared:
+    """Return what a checkpoint may hold of the sites and members of grains, on a lattice of so many places."""
+    return {"site": Held(-places, 2 * places), "member": Held(-1, len(oriented.kind) - 1)}
+
+
+def stand_within(lattice: ContainerLattice, periodic: Any, oriented: OrientedVoxels, arrays: Any) -> bool:
+    """Return whether the voxels of grains that are placed lie within the walls, on axes that are not periodic."""
+    there = np.flatnonzero(arrays["member"] >= 0)
+    member = arrays["member"][there]
+    low = arrays["site"][there] + oriented.record.low[member]
+    high = low + oriented.record.size[member]
+    return bool((((low >= 0) & (high <= lattice.shape)) | np.array(periodic)).all())
 
 
 def number_of_poses(problem: Problem) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
+from voxgran._base.errors import CheckpointError
 from voxgran._base.seeds import philox_key
 from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
@@ -24,6 +25,7 @@ from voxgran.packing.digital.bit_columns import (
     grain_words,
     row_length,
     signed_axes,
+    turned_box,
     write_turned,
 )
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
@@ -74,6 +76,11 @@ def precomputed_of(problem: Problem, state: DigitalState) -> Precomputed:
     """Return what follows from the problem, made again where the state is new or was read from a checkpoint.
 
     The canvas, with grains and lid, and the bits of the grains are then made again too.
+
+    Raises
+    ------
+    CheckpointError
+        If a checkpoint has grains of other shapes, or beyond a wall.
     """
     if "precomputed" not in state.derived:
         known = _make(problem)
@@ -94,10 +101,17 @@ def precomputed_of(problem: Problem, state: DigitalState) -> Precomputed:
             "at": known.own[:-1].copy(),
         }
         there = np.flatnonzero(state.member >= 0)
+        if (state.member[there] // known.bases != known.kind[there]).any():
+            raise CheckpointError("'member' of the checkpoint has grains of other shapes: start anew without it")
         for member in np.unique(state.member[there]).tolist():
             need_member(known, member)
         bed = records(state, known)
         for grain in there.tolist():
+            member, turn = int(state.member[grain]), known.turns[int(state.turn[grain])]
+            low, size = (np.array(side) for side in turned_box(bank.low[member], bank.size[member], turn))
+            low += state.site[grain]
+            if not (((low >= 0) & (low + size <= shape)) | np.array(problem.container.periodic)).all():
+                raise CheckpointError("'site' of the checkpoint has grains beyond a wall: start anew without it")
             put(bed, derived["pairs"], grain)
         for lowered in range(state.lid_layers):
             close_layer(bed.field, known.axis, layer_of_lid(known, lowered))

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from voxgran._base.arrays import Integers
+from voxgran._base.checkpoint import Held, Rule
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
@@ -25,6 +26,7 @@ from voxgran.packing.digital.container_lattice import ContainerLattice, containe
 from voxgran.packing.digital.expected_time import addition_seconds
 from voxgran.packing.digital.oriented_voxels import (
     OrientedVoxels,
+    declared_sites,
     enter_start,
     kinds_of,
     number_of_poses,
@@ -32,6 +34,7 @@ from voxgran.packing.digital.oriented_voxels import (
     packing_of_sites,
     places_of,
     poses_to_voxelize,
+    stand_within,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.digital.trial_sites import TALLY, Lists, add_at_random, stamp_grain
@@ -91,7 +94,14 @@ def prepare(problem: Problem) -> State:
         "order": np.concatenate([np.arange(n), order[order >= n]]),
         "tried": np.zeros(len(setting.bounds) - 1, dtype=np.int64),
     }
-    state = State(arrays, dict.fromkeys(TALLY, 0), 0, int(setting.bounds[-1]) + problem.count)
+    grains = dict.fromkeys(("placed", "skipped"), Held(0, problem.count))
+    declared = {
+        **declared_sites(setting.places, setting.oriented), **grains, "order": Held(0, problem.count - 1),
+        "tried": Held(0, np.diff(setting.bounds)), "refused": Held(0),
+    }  # fmt: skip
+    rule = _fits(problem, setting)
+    total = int(setting.bounds[-1]) + problem.count
+    state = State(arrays, dict.fromkeys(TALLY, 0), 0, total, declared=declared, rule=rule)
     state.derived["setting"] = setting
     if problem.start is not None:
         gravity = -np.eye(3, dtype=np.int64)[problem.dimension - 1] * (1 - setting.canvas.periodic)
@@ -99,6 +109,20 @@ def prepare(problem: Problem) -> State:
         enter_start(problem, state, setting.lattice, record, field=field, gravity=gravity)
     _look(problem, state)
     return state
+
+
+def _fits(problem: Problem, setting: "_Setting") -> Rule:
+    """Return the rule for a checkpoint: grains are tried once, and those that are placed stand within the walls."""
+
+    def fits(arrays: Any, counters: Any) -> bool:
+        placed, done = counters["placed"], counters["placed"] + counters["skipped"]
+        there = arrays["member"] >= 0
+        return bool(
+            len(np.unique(arrays["order"])) == problem.count and done <= problem.count and there.sum() == placed
+            and stand_within(setting.lattice, problem.container.periodic, setting.oriented, arrays)
+        )  # fmt: skip
+
+    return fits
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:

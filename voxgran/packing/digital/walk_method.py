@@ -29,6 +29,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import linear
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.checkpoint import Held
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.gravity import gravity_vector
 from voxgran.containers.model import boundary_of
@@ -38,6 +39,7 @@ from voxgran.packing.digital.bit_columns import UNPACKED
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, positions_on
 from voxgran.packing.digital.initial_sites import stand_on_lattice
 from voxgran.packing.digital.no_fit_tables import table_bytes
+from voxgran.packing.digital.oriented_voxels import lattice_turns
 from voxgran.packing.digital.parameters import Digital
 from voxgran.packing.digital.precompute import (
     LAZY,
@@ -62,6 +64,8 @@ from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share,
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
+#: farthest site in a checkpoint: those along periodic axes are counted on
+FARTHEST = 2**40
 #: CPU time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
 ATTEMPT = 4e-6, 1e-6
 
@@ -219,6 +223,13 @@ def prepare(problem: Problem) -> DigitalState:
         site=np.zeros((n, 3), dtype=np.int64), member=np.full(n, -1, dtype=np.int64), turn=np.zeros(n, dtype=np.int64)
     )
     begin_schedule(problem, state)
+    lattice = container_lattice(problem)
+    most = len(digital_kinds(problem)[1]) * bases_of(problem) - 1
+    state.declared = {
+        "site": Held(-FARTHEST, FARTHEST), "member": Held(-1, most), "turn": Held(0, len(lattice_turns(problem)) - 1),
+        "order": Held(0, n - 1, "order"), "hint": Held(-1, 1), "cells": Held(state.cells, state.cells),
+        "lid_layers": Held(0, int(lattice.shape.max())),
+    }  # fmt: skip
     return begin(WALKER, problem, state)
 
 

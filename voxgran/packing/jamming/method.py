@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import Declared, Rule, check_held
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
@@ -92,6 +93,14 @@ class Compressor(Protocol):
             If the run is asked to stop; the state is then that before the step.
         """
 
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold."""
+
+    @property
+    def rule(self) -> Rule | None:
+        """Return whether what a checkpoint holds goes together."""
+
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""
 
@@ -140,7 +149,9 @@ class CompressState:
 
     def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
         """Take over the arrays and counters of a checkpoint."""
-        self.compressor.restore(arrays, counters)
+        compressor = self.compressor
+        check_held((compressor.arrays, compressor.counters), arrays, counters, compressor.declared, compressor.rule)
+        compressor.restore(arrays, counters)
 
 
 def first_state(problem: Problem, *, jam: bool) -> CompressState:

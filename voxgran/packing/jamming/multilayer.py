@@ -17,12 +17,14 @@ Ladd 1978, Preparing test specimens using undercompaction, Geotechnical Testing 
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.checkpoint import MOST, Declared, Held
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
@@ -41,6 +43,8 @@ from voxgran.packing.problem import Problem
 
 #: how much below the solid fraction at which the grains jam a bed is if nothing is asked for
 LOOSER = 0.05
+#: arrays of the spheres up to the present layer
+OF_LAYER = ("spheres", "velocity", "force", "listed")
 
 
 @parameter_class
@@ -229,6 +233,20 @@ class LayeredSpheres:
     def counters(self) -> Mapping[str, int]:
         """Whole numbers of the state."""
         return {**self.current.counters, "layer": self.layer, "earlier_steps": self.earlier_steps}
+
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold; the spheres are those up to its layer."""
+        lower, upper = self.assembly.container.bounds
+        wide = upper - lower
+        layer, earlier = Held(0, len(self.heights) - 1), Held(0, MOST)
+        rows = {name: replace(self.current.declared.get(name, Held()), rows="layer") for name in OF_LAYER}
+        own = {"position": Held(np.minimum(lower - wide, 0.0), upper + wide), "layer": layer, "earlier_steps": earlier}
+        return {**self.current.declared, **rows, **own}
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together."""
+        return len(arrays["spheres"]) == self.counts[counters["layer"]]
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""

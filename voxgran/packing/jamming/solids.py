@@ -29,6 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import MOST as MOST_ATTEMPTS
+from voxgran._base.checkpoint import Declared, Held
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped, stop_if_asked
 from voxgran.contacts.assembly import Assembly
@@ -39,6 +41,7 @@ from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.thermal import FIRST_FREE, Motion, stop_moving, thermal_step
 from voxgran.settling.bed import Bed
 from voxgran.settling.parting import close_round, part_grains
+from voxgran.settling.progress import bed_fits, declared_of
 
 #: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin
 DENSE, FIRST = {2: 0.85, 3: 0.65}, 0.05
@@ -80,6 +83,8 @@ GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
 CONTACT = 1e-3
 #: number of forces without friction that hold a grain rigidly, on average, by dimension: twice its ways to move
 ISOSTATIC = {2: 6, 3: 12}
+#: largest size in a checkpoint, of that at which grains are dense
+LARGEST_SIZE = 100.0
 #: numbers of the state
 SIZE, STEP, TRIED, DEPTH, FREE, SUBSTEP = range(6)
 
@@ -190,6 +195,21 @@ class GrowingSolids:
             "jammed": int(self.jams),
             "met": int(self.met),
         }
+
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold."""
+        counts = {"stage": Held(0, JAMMING), **dict.fromkeys(("steps", "turns", "moves"), Held(0, MOST_ATTEMPTS))}
+        own = {"numbers": Held(0.0, math.inf), **dict.fromkeys(("good_position", "good_turns"), Held(rows="grains"))}
+        bed = declared_of(self.bed) if self.assembly.count else {}
+        return {**bed, **counts, **own, **dict.fromkeys(("ended", "jammed", "met"), Held(0, 1))}
+
+    def rule(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+        """Return whether what a checkpoint holds goes together."""
+        del counters
+        return not self.assembly.count or (
+            bed_fits(self.bed, arrays) and bool((arrays["numbers"][[SIZE, STEP, TRIED]] <= LARGEST_SIZE).all())
+        )
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""

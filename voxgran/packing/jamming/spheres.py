@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.checkpoint import Declared, Held
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.kinds.box import Box
@@ -50,6 +51,8 @@ from voxgran.shapes.mesh import Mesh
 
 #: share of its radius by which a sphere may move before pairs are listed again
 FREE = 0.25
+#: largest factor on the sizes in a checkpoint
+LARGEST = 100.0
 #: largest relative depth of overlaps at the end of a compression
 DEEPEST = 1e-4
 #: residual force, in mean contact forces, at which MANY spheres and more are at rest, and at which few are; and the
@@ -128,6 +131,18 @@ class SoftSpheres:
     def counters(self) -> dict[str, int]:
         """Whole numbers of the state."""
         return {"steps": self.done_steps, "in_round": self.in_round, "ended": int(self.ended), "jammed": int(self.jams)}
+
+    @property
+    def declared(self) -> Declared:
+        """What a checkpoint may hold."""
+        bounds = np.array(self.container.bounds)
+        far = 3.0 * np.abs(bounds).max(initial=1.0)
+        spheres = Held([-far, -far, -far, 0.0], [far, far, far, LARGEST * float(self.radii.max(initial=1.0))])
+        counts = dict.fromkeys(("steps", "in_round"), Held(0, ROUND * ROUNDS))
+        own = {"spheres": spheres, "listed": spheres, "numbers": Held(high=math.inf), "size": Held(1e-9, LARGEST)}
+        return {**own, **counts, **dict.fromkeys(("ended", "jammed"), Held(0, 1))}
+
+    rule = None
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""

@@ -32,6 +32,7 @@ Feder 1980, Random sequential adsorption, Journal of Theoretical Biology 87(2), 
 doi:10.1016/0022-5193(80)90358-6
 """
 
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -62,6 +63,7 @@ from voxgran.packing.rsa.available_cells import (
 )
 from voxgran.packing.rsa.candidates import DROP, NEXT, SCAN, TRIED, TURN, Coordinates, add_candidates
 from voxgran.packing.rsa.deferred_grains import aim, left_out, open_late
+from voxgran.packing.rsa.held import fits, held_of
 from voxgran.packing.rsa.overlaps import Bed, Grains, link_all
 from voxgran.packing.rsa.precompute import (
     Precomputed,
@@ -208,6 +210,7 @@ def prepare(problem: Problem) -> State:
         arrays["used"] = np.zeros(many if problem.parameters.retaining == SCAN else 0, dtype=np.int8)
         arrays["pointer"] = np.zeros(int(made.kind.max(initial=-1)) + 1, dtype=np.int64)
     _keep(problem, state, made)
+    state.declared, state.rule = held_of(problem, made), partial(fits, problem)
     _look(problem, state, made)
     return state
 
@@ -417,8 +420,7 @@ def _open_of(state: State) -> Open:
 
 def _look(problem: Problem, state: State, made: Precomputed) -> None:
     """Set the stop reason when all grains are placed or have been tried."""
-    counters = state.counters
-    if counters["placed"] == problem.count:
+    if (counters := state.counters)["placed"] == problem.count:
         state.stop_reason = "count"
     elif counters["turn"] == len(made.queue) and (
         not counters["put_off"] or made.shapes is not None or 0 < len(state.arrays["late"]) == counters["late"]

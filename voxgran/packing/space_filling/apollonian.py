@@ -29,7 +29,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.walls import Round
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, packing_of_spheres
 from voxgran.packing.space_filling.gaskets import in_sphere, in_strip, in_triangle
@@ -91,7 +91,7 @@ def prepare(problem: Problem) -> State:
         If the container has no gasket.
     """
     gasket_of(problem)
-    state = State({"spheres": np.zeros((0, 4))}, {}, 0, 1)
+    state = State({"spheres": np.zeros((0, 4))}, {}, 0, 1, declared={"spheres": spheres_within(problem, "spheres")})
     if not problem.count:
         state.stop_reason = "count"
     return state

@@ -15,17 +15,19 @@ Dodds & Weitz 2002, Packing-limited growth, Physical Review E 65, 056108, doi:10
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import MOST, Held
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.space_filling.growing import (
@@ -96,10 +98,21 @@ def prepare(problem: Problem) -> State:
     arrays["spheres"][:started] = spheres_of_start(problem)
     arrays["reach"][:started] = arrays["spheres"][:started, 3]
     arrays |= {"powers": np.zeros(5), "tally": np.array([started, 0, 0, 0], dtype=np.int64), "clock": np.zeros(1)}
-    state = State(arrays, {}, 0, EVENTS * (n - started) + PATIENCE)
+    far = float(np.ptp(problem.container.bounds, axis=0).max())
+    declared = {
+        "spheres": spheres_within(problem), "tally": Held(0, [n, MOST, MOST, n]), "clock": Held(0.0),
+        **dict.fromkeys(("born", "rate"), Held(0.0)), **dict.fromkeys(("room", "reach"), Held(0.0, far)),
+    }  # fmt: skip
+    state = State(arrays, {}, 0, EVENTS * (n - started) + PATIENCE, declared=declared, rule=_fits)
     if n == started:
         state.stop_reason = "count"
     return state
+
+
+def _fits(arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+    """Return whether what a checkpoint holds goes together: what has no reach would be listed again without end."""
+    del counters
+    return bool((arrays["reach"][: arrays["tally"][NUCLEI]] > 0.0).all())
 
 
 @dataclass(slots=True)

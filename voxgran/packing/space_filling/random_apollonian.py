@@ -23,12 +23,13 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
+from voxgran._base.checkpoint import MOST, Held
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, LongRunWarning, warn
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, philox_key, unit_float
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
-from voxgran.packing.method import Cost, PackingMethod, State, long_run, method_registry
+from voxgran.packing.method import Cost, PackingMethod, State, long_run, method_registry, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.space_filling.reach_cells import (
@@ -139,7 +140,8 @@ def prepare(problem: Problem) -> State:
     if problem.start is not None and not all_spheres(problem):
         arrays["diameter"][: problem.started] = problem.diameter[: problem.started]
         arrays["orientation"][: problem.started] = problem.start.orientation
-    state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
+    declared = {"spheres": spheres_within(problem), "tally": Held(0, [problem.count, MOST])}
+    state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE, declared=declared)
     _look(problem, state, MADE)
     return state
 

@@ -27,13 +27,14 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, check_coordinates
+from voxgran._base.checkpoint import Held
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State, spheres_within
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.tessellation.climb import HINT, MOST
@@ -168,7 +169,10 @@ def prepare(problem: Problem) -> State:
     """
     spheres = spheres_of_start(problem)
     queue = np.zeros((0, COLUMNS)) if len(spheres) == problem.count else _first_queue(problem)
-    state = State({"spheres": spheres, "queue": queue}, {"swept": 0}, 0, WAVES)
+    far, all_spheres = 2.0 * float(np.ptp(problem.container.bounds, axis=0).max()), spheres_within(problem, "spheres")
+    declared = {"spheres": all_spheres, "queue": Held(-far, far, "queue"), "swept": Held(0, 1)}
+    rule = lambda arrays, _: problem.started <= len(arrays["spheres"]) <= problem.count  # noqa: E731
+    state = State({"spheres": spheres, "queue": queue}, {"swept": 0}, 0, WAVES, declared=declared, rule=rule)
     _look(problem, state)
     return state
 

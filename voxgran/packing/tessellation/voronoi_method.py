@@ -30,6 +30,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.checkpoint import MOST, Held
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.seeds import philox_key, stream
@@ -119,7 +120,14 @@ def prepare(problem: Problem) -> State:
     if not problem.target:
         arrays["cap"][0] = math.inf
     settings: VoronoiFill = problem.parameters
-    state = State(arrays, {}, 0, most_diagrams(settings.smoothing) + (2 * settings.rounds + 1) * n)
+    wide, most = np.ptp(problem.container.bounds, axis=0), most_diagrams(settings.smoothing)
+    near, turn, size = Held(-wide, 2.0 * wide), Held(-1.0, 1.0), Held(0.0, float(wide.max()))
+    declared = {
+        **dict.fromkeys(("place", "known_place"), near), **dict.fromkeys(("turn", "next_turn"), turn),
+        **dict.fromkeys(("size", "next_size"), size), "error": Held(high=math.inf), "cap": Held(0.0, math.inf),
+        "tally": Held(0, [most, most, 1, MOST, n, 1]),
+    }  # fmt: skip
+    state = State(arrays, {}, 0, most + (2 * settings.rounds + 1) * n, declared=declared)
     if n == 0:
         arrays["tally"][DONE] = 1
         state.stop_reason = "count"

@@ -4,11 +4,14 @@ A method supplies a :class:`Walker`, which knows how grains are represented and 
 functions of this module decide when feeding ends, when the lid is lowered, and when the bed has settled.
 """
 
+import math
+from collections.abc import Mapping
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.checkpoint import Held
 from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.geometry.rotation import normalized
 from voxgran.packing.model import Packing
@@ -60,12 +63,29 @@ def begin(walker: Walker[S], problem: Problem, state: S) -> S:
     state.waiting, state.total = entry_order(problem, 0), most_attempts(problem, count)
     if count == 0:
         state.stop_reason = "count"
+    counts = dict.fromkeys((name for name in state.counters if name not in state.declared), Held(0))
+    grains = dict.fromkeys(("placed", "layer_placed", "surface_grains"), Held(0, count))
+    own = {"waiting": Held(0, count - 1), "height": Held(high=math.inf)}
+    state.declared = {**counts, **state.declared, **grains, **own}
+    state.rule = _fits
     if start is not None and start.count:
         walker.enter_start(problem, state, start)
         state.waiting, state.placed = entry_order(problem, start.count), start.count
         if start.count == count:
             _examine_feeding(walker, problem, state, -1)
     return state
+
+
+def _fits(arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> bool:
+    """Return whether what a checkpoint holds goes together: the grains that have entered are the last of the queue."""
+    waiting, placed = arrays["waiting"], counters["placed"]
+    entered = arrays["entered"] > 0 if "entered" in arrays else arrays["member"] >= 0
+    order = arrays.get("order", waiting[:0])
+    return bool(
+        len(np.unique(waiting)) == len(waiting) and entered.sum() == placed <= len(waiting)
+        and entered[waiting[len(waiting) - placed :]].all() and len(np.unique(order)) == len(order)
+        and entered[order].all()
+    )  # fmt: skip
 
 
 def advance(walker: Walker[S], problem: Problem, state: S, attempts: int) -> S:

@@ -12,7 +12,7 @@ from voxgran._base.errors import FileFormatError, OutputError, shown
 from voxgran._base.files import PROBE, existing_file, output_suffix, written_whole
 from voxgran._base.guarded import Content, netcdf_file, read_guarded
 from voxgran._base.lazy import load
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh import Mesh, refuse_degenerate
 from voxgran.shapes.model import Shape
 
 #: arrays of a file with their dimensions
@@ -82,6 +82,8 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], dict[st
         If there is no such file.
     FileFormatError
         If it is damaged, or holds something else.
+    DirtyMeshError
+        If it holds a grain without volume.
     """
     found = existing_file(path)
     output_suffix(found, [".nc"], "distributions of shapes are kept")
@@ -91,10 +93,9 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], dict[st
     for points, corners in zip(arrays["vertex_count"], arrays["face_count"], strict=True):
         triangles = arrays["faces"][face : face + corners].astype(np.int64)
         mesh = Mesh(arrays["vertices"][vertex : vertex + points], triangles)
+        refuse_degenerate(mesh, f"grain {len(meshes)} of {found}")
         meshes.append(Shape(mesh, "grain", unit=None if unit == "1" else unit))
         vertex, face = vertex + points, face + corners
-    if not all(shape.volume > 0 for shape in meshes):
-        raise FileFormatError(f"{found} holds a grain without volume: it is damaged; write it again")
     return tuple(meshes), facts | {name: arrays[name] for name in WEIGHTS}
 
 
@@ -117,6 +118,10 @@ def model_values(path: Path) -> Content:
             f"{path} makes grains by {shown(facts['method'])}: known are {', '.join(METHODS)}; learn it again"
         )
     points, corners = arrays["vertex_count"], arrays["face_count"]
+    sound = all(array.ndim == len(ARRAYS[name]) and array.dtype.kind in "iuf" for name, array in arrays.items())
+    whole = sound and all(arrays[name].dtype.kind in "iu" for name in ("faces", "vertex_count", "face_count"))
+    if not whole or arrays["vertices"].shape[1] != 3 or arrays["faces"].shape[1] != 3:
+        raise FileFormatError(f"{path} holds arrays of other types or shapes: it is damaged; write it again")
     inner = np.repeat(points, corners) if (points > 0).all() and (corners > 0).all() else np.zeros(0)
     right = (
         len(points) == len(corners) == len(arrays["weights"]) == len(arrays["donors"])
