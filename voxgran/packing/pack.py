@@ -211,7 +211,7 @@ def pack(
     PackingWarning
         If neither the count nor the solid fraction is reached, grains cannot fit, rows of a list find no room, the
         search takes minutes, a bed of a solid fraction that is asked for is expected to have no bulk, or the surface of
-        a bed is more than a tenth from the height that is asked for.
+        a bed is more than a twentieth from the height that is asked for.
 
     Examples
     --------
