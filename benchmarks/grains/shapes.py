@@ -29,8 +29,6 @@ FINER: dict[str, dict[str, Any]] = {
     "superspherize": {"longest_edge": 0.02},
     "torus": {"tolerance": 1e-4},
 }
-#: least error on the axis of the figure, at which those of exact shapes are drawn
-EXACT = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,27 +67,17 @@ def row_of(family: str) -> Row:
 
 
 def _draw(rows: list[Row], path: Path) -> None:
-    """Draw the error against the time."""
-    with panels_of(path, 1, width=9.0, height=6.5) as panels:
-        panel = panels[0]
-        for row in sorted(rows, key=lambda row: row.milliseconds):
-            _, _, milliseconds, _, error = astuple(row)
-            panel.plot(milliseconds, max(error, EXACT), "o", color="#2f6f8f" if error else "#8f8f8f")
-            panel.annotate(
-                row.family,
-                (milliseconds, max(error, EXACT)),
-                xytext=(4, 4),
-                textcoords="offset points",
-                fontsize=9,
-                rotation=0 if error else 60,
-            )
-        panel.set(
-            xscale="log",
-            yscale="log",
-            xlabel="milliseconds for a shape",
-            ylabel="error of the surface area",
-            title="families of shapes (exact ones at the bottom)",
-        )
-        panel.set_ylim(EXACT / 2, 0.2)
+    """Draw the time of each family on the left, and the error of those that are not exact against it on the right."""
+    rows = sorted(rows, key=lambda row: -row.milliseconds)
+    with panels_of(path, 2, width=11.0, height=7.5) as (times, errors):
+        for place, row in enumerate(rows):
+            times.plot(row.milliseconds, place, "o", color="#2f6f8f" if row.error else "#8f8f8f")
+            if row.error:
+                errors.plot(row.milliseconds, row.error, "o", color="#2f6f8f")
+                place_of_name = {"xytext": (5, 5), "textcoords": "offset points", "fontsize": 9}
+                errors.annotate(row.family, (row.milliseconds, row.error), **place_of_name)
+        times.set_yticks(range(len(rows)), [row.family for row in rows], fontsize=9)
+        times.set(xscale="log", xlabel="milliseconds for a shape", title="families of shapes (grey: exact)")
+        errors.set(xscale="log", yscale="log", xlabel="milliseconds for a shape", ylabel="error of the surface area")
         # room for the names behind the last points
-        panel.set_xlim(right=8.0 * max(row.milliseconds for row in rows))
+        errors.set_xlim(right=8.0 * max(row.milliseconds for row in rows if row.error))

@@ -130,9 +130,9 @@ def _draw(rows: list[Row], path: Path) -> None:
     """Draw seconds against grains on the left, density against seconds for 50,000 on the right."""
     with panels_of(path, 2, width=9.0, height=6.0, legend=0) as (left, right):
         for k, name in enumerate(dict.fromkeys(row[0] for row in rows)):
-            found = [row for row in rows if row[0] == name]
-            left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)
-            right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker="o", label=name)
+            found, marker = [row for row in rows if row[0] == name], "os^D"[k // 10]
+            left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker=marker, label=name)
+            right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker=marker, label=name)
         left.set(xlabel="grains", ylabel="CPU seconds")
         right.set(xlabel="seconds for 50,000 grains", ylabel="solid fraction inside")
         left.legend(frameon=False, fontsize=9, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))

@@ -164,18 +164,54 @@ def test_walls_far_larger_than_the_grains():
     assert np.isfinite(escape).all()
 
 
+#: solids of length 1 and a width, as kinds with their dimensions
+THIN = {
+    "box": lambda w: (w, w, 1.0),
+    "cylinder": lambda w: (w / 2, 1.0),
+    "cone": lambda w: (w / 2, 1.0),
+    "ellipsoid": lambda w: (w / 2, w / 2, 0.5),
+    "spherocylinder": lambda w: (w / 2, 1.0),
+}
+
+
+def reach_of_needle(kind, width, axes, normal):
+    """Return how far a needle reaches along a normal across its axis, at a place of 0.2 on it."""
+    if kind == "box":
+        return sum(0.5 * width * abs(axis @ normal) for axis in axes)
+    return 0.5 * width * {"cone": 0.75 - 0.2, "ellipsoid": np.sqrt(1.0 - 0.4**2)}.get(kind, 1.0)
+
+
+@pytest.mark.parametrize("kind", list(THIN))
 @pytest.mark.parametrize("width", [1e-9, 1e-7, 1e-4])
-def test_boxes_that_cross_by_a_tenth_of_their_width_are_told_from_those_a_tenth_apart(width):
-    """Needles of any aspect: the search by support points loses the width beyond an aspect of ten million."""
-    needle = Shape.of(Primitive("box", (width, width, 1.0)), name="needle")
+def test_needles_that_cross_by_a_tenth_of_their_width_are_told_from_those_a_tenth_apart(kind, width):
+    """Needles of any aspect: a search by support points in space as it is loses the width of those of 1e-9."""
+    needle = Shape.of(Primitive(kind, THIN[kind](width)), name="needle")
     for seed in range(12):
         generator = stream(seed, "needles")
         turns = random_rotations(generator, 2)
         (*one, along), (*two, across) = (matrix.T for matrix in rotation_matrices(turns))
         normal = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
-        reach = sum(0.5 * width * abs(axis @ normal) for axis in (*one, *two))
-        first, second = generator.uniform(-0.4, 0.4, 2)
+        reach = sum(reach_of_needle(kind, width, axes, normal) for axes in (one, two))
         for depth in (0.1 * width, -0.1 * width):
-            places = [-first * along, (reach - depth) * normal - second * across]
-            pair = Assembly.of([needle], Box((6, 6, 6), origin=(-3, -3, -3)), position=places, orientation=turns)
-            assert verify(pair).ok == (depth < 0), (seed, depth)
+            centers = [-0.2 * along, (reach - depth) * normal - 0.2 * across]
+            pair = Assembly.of([needle], Box((6, 6, 6), origin=(-3, -3, -3)), position=centers, orientation=turns)
+            found = verify(pair)
+            assert found.ok == (depth < 0), (seed, depth)
+            # cones and ellipsoids are nearest beside that place, and the depth of edges is less than the way apart
+            least = 0.5 if kind == "box" else 0.95
+            assert least * max(depth, 0.0) <= found.deepest * found.mean_diameter <= 1.05 * max(depth, 0.0)
+
+
+@pytest.mark.parametrize("shift", [(0.9, 0.3), (0.0, 1.0 - 1e-10)], ids=["side by side", "end to end"])
+def test_parallel_needles_and_flat_disks_overlap_by_how_far_they_would_be_moved_apart(shift):
+    needle, disk = (Shape.of(Primitive("cylinder", size), name="thin") for size in ((5e-10, 1.0), (0.5, 1e-9)))
+    for seed in range(6):
+        turn = random_rotations(stream(seed, "thin"), 1)
+        axes = rotation_matrices(turn)[0].T
+        apart = 1e-9 * shift[0] * axes[0] + shift[1] * axes[2]
+        flush = 0.3 * axes[0] + 0.9e-9 * axes[2]
+        for shape, away in ((needle, apart), (disk, flush)):
+            box = Box((6, 6, 6), origin=(-3, -3, -3))
+            pair = Assembly.of([shape], box, position=[0 * away, away], orientation=np.repeat(turn, 2, axis=0))
+            found = verify(pair, tolerance=0.0)
+            assert found.deepest * found.mean_diameter == pytest.approx(1e-10, rel=1e-3)

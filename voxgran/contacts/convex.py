@@ -9,6 +9,9 @@ of a point of the second inside it. The distance s(r) between the eroded solid a
 Newton's method started beyond the root converges monotonically; if the surface is smooth at the contact (a sphere, an
 ellipsoid, a face), the first step is exact. The depth of a pair is the larger of its two depths.
 
+Solids that are thinner than their length by more than 1e5 overlap by how far they would have to be moved apart, but for
+half of their thickness at the most (:mod:`voxgran.geometry.thin`).
+
 For unions of spheres the deepest pair of spheres gives the depth of the union, as long as it is below the radii.
 The erosion of an ellipsoid is exact up to its smallest radius of curvature; deeper pairs are flagged.
 """
@@ -24,6 +27,7 @@ from voxgran.contacts.broad import Pairs
 from voxgran.contacts.parts import Parts
 from voxgran.contacts.separation import separation
 from voxgran.geometry.support import erosion_limit, support
+from voxgran.geometry.thin import thickness, thin_overlap
 
 #: distance, in sizes of the parts, at which they count as touching
 TOUCHING = 1e-14
@@ -117,6 +121,11 @@ def touch_pair(one: Floats, margin: float, other: Floats, other_margin: float, o
     size = part_size(one) + margin + part_size(other) + other_margin
     contact[0] = distance - margin - other_margin
     _write_contact(near, margin, other_margin, contact)
+    thin = min(thickness(one, margin), thickness(other, other_margin))
+    if thin < np.inf and contact[0] <= thin:
+        depth = thin_overlap(one, margin, other, other_margin, offset, contact)
+        contact[0] = -depth if depth > 0.0 else max(contact[0], 0.0)
+        return False
     if contact[0] > TOUCHING * size:
         return False
     return _bury(one, margin, other, other_margin, offset, size, contact)

@@ -40,9 +40,6 @@ TouchPair = Callable[..., Touch]
 #: two grains and the periodic image of the second
 PairKey = tuple[int, int, int, int, int]
 
-#: aspect of boxes above which pairs are compared by their triangles
-NEEDLE = 1e5
-
 
 def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
     """Return all pairs of grains whose surfaces are within a gap, periodic images included.
@@ -111,7 +108,7 @@ def _test_mixed(
     distance = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
     geometries = [shape.geometry for shape in assembly.shapes]
-    made = np.array([has_parts(geometry) and not _is_needle(geometry) for geometry in geometries], dtype=np.bool_)
+    made = np.array([has_parts(geometry) for geometry in geometries], dtype=np.bool_)
     made = made[assembly.shape_id]
     simple = made[pairs.i] & made[pairs.j]
     if simple.any():
@@ -137,15 +134,6 @@ def _test_mixed(
         touch = tests.touch(i, j, pairs.offset[k], gap)
         distance[k], normal[k], point[k] = touch.gap, touch.normal, touch.point
     return distance, normal, point
-
-
-def _is_needle(geometry: Geometry) -> bool:
-    """Return whether a geometry is a box of an aspect at which the search by support points loses its digits, and its
-    triangles keep them.
-    """
-    if not (isinstance(geometry, Primitive) and geometry.kind == "box"):
-        return False
-    return max(geometry.dimensions) > NEEDLE * min(geometry.dimensions)
 
 
 def is_closed_surface(geometry: Geometry) -> bool:

@@ -1,5 +1,6 @@
-"""Grains that are certainly too large for a container in any orientation."""
+"""Grains that are certainly too large for a container in any orientation, and one that is as large as it."""
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -11,6 +12,7 @@ from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container, boundary_of, periods_of
 from voxgran.geometry.periods import images_within, shortest_period
+from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.geometry.sphere_pairs import MOST_IMAGES
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.describing.inscribed import inscribed_radius
@@ -25,6 +27,8 @@ EXACT = 1 + 1e-12
 ROUNDED = 1 + 1e-3
 #: a grain whose bounding sphere is so many times as wide as the container is long has the wrong unit
 MOST_WIDTHS = 1000.0
+#: relative difference of the lengths of a grain and a container that are equal but for rounding
+EQUAL = 1e-12
 
 
 def check_grain_sizes(shapes: Sequence[Shape], container: Container, shape_id: Integers, scale: Floats) -> None:
@@ -85,6 +89,22 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
         room &= _length(shape) * size <= longest * EXACT
         fits[mine] = room
     return fits
+
+
+def poses_between_walls(shape: Shape, container: Container) -> tuple[Floats, Floats]:
+    """Return positions (m, 3) and orientations (m, 4) in which the bounds of a shape, turned by right angles about the
+    axes, are those of a container.
+    """
+    d, length = container.dimension, np.ptp(container.bounds, axis=0)
+    low, high = (np.asarray(corner, dtype=np.float64) for corner in shape.bounds)
+    turns = np.array([q for q in itertools.product((0, 1, -1), repeat=4) if sum(map(abs, q)) in (1, 2, 4)], dtype=float)
+    matrices = np.rint(rotation_matrices(normalized(turns)))
+    extents = linear.matmul(np.abs(matrices), high - low)
+    alike = (np.abs(extents - length)[:, :d] <= EQUAL * length[:d]).all(axis=1) & (
+        (d == 3) | (matrices[:, 2, 2] == 1.0)
+    )
+    middle = container.bounds.mean(axis=0) - linear.matmul(matrices[alike], 0.5 * (low + high))
+    return middle, normalized(turns)[alike]
 
 
 def _length(shape: Shape) -> float:

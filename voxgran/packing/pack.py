@@ -40,7 +40,7 @@ from voxgran.packing.missed import Task, ended_by_solid_fraction, misses, warn_o
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, with_density_of
 from voxgran.packing.problem import normalized_problem, warn_of_overlaps, warn_of_units
-from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
+from voxgran.packing.settle import settling_after, warn_of_unrest, with_grain_as_container, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import asked_orientations, check_start, density_around, number_fixed, told_of, turns_asked
 from voxgran.settling.parameters import Settling, as_solid_fraction
@@ -211,7 +211,7 @@ def pack(
     PackingWarning
         If neither the count nor the solid fraction is reached, grains cannot fit, rows of a list find no room, the
         search takes minutes, a bed of a solid fraction that is asked for is expected to have no bulk, or the surface of
-        a bed is more than a tenth from the height that is asked for.
+        a bed is more than a twentieth from the height that is asked for.
 
     Examples
     --------
@@ -314,7 +314,7 @@ def prepare_task(request: Request) -> Task:
     warn_of_units(problem)
     if problem.count and (doubt := doubt_about(container, problem.unit_length)):
         warn(doubt, PackingWarning)
-    return Task(entry, problem, grains.removed, asked, sizes)
+    return Task(with_grain_as_container(entry, problem), problem, grains.removed, asked, sizes)
 
 
 def _chosen(request: Request) -> tuple[PackingMethod, Any, OrientationLaw | None]:

@@ -18,21 +18,26 @@ from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, numbered, shown, warn
 from voxgran._base.progress import OnStep
 from voxgran._base.seeds import MOST_SEED
-from voxgran.contacts.verify import TOLERANCE
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.verify import TOLERANCE, verify
 from voxgran.containers.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
+from voxgran.containers.size_limits import poses_between_walls
 from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.beds.search import sentence_of
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive
-from voxgran.packing.method import PackingMethod
+from voxgran.packing.method import PackingMethod, State
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import begun, finished, moved_alone, no_forces, problem_alone
 from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Compression, Lid, Settling, Shaking, with_friction
+
+#: share of the volume of a container from which on one grain fills it
+FILLED = 1.0 - 1e-9
 
 
 @explained(hint="settle(packing, friction=0.5)")
@@ -307,11 +312,45 @@ def settling_after(method: PackingMethod, problem: Problem, asked: Any) -> Settl
     return settling
 
 
+def with_grain_as_container(method: PackingMethod, problem: Problem) -> PackingMethod:
+    """Return a method that places the first grain where it is as large as the container, and nothing else is asked for
+    or has room: no place that is drawn, and no lattice, has it; else the method itself.
+    """
+    container, shape = problem.container, problem.shapes[problem.shape_id[0]] if problem.count else None
+    if shape is None or shape.is_open or problem.start is not None or method.sizing != "drawn":
+        return method
+    if problem.orientation is not None or _keeps_apart(problem):
+        return method
+    if problem.count > 1 and problem.volumes[0] < container.volume * FILLED:
+        return method
+    for position, turn in zip(*poses_between_walls(shape.scaled(problem.diameter[0]), container), strict=True):
+        grain = {"position": position[None], "orientation": turn[None]}
+        scale, shape_id = problem.diameter[:1], problem.shape_id[:1]
+        if verify(Assembly.of(problem.shapes, container, scale=scale, shape_id=shape_id, **grain)).ok:
+            break
+    else:
+        return method
+    pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
+    gravity = gravity_vector(problem) if pulled else None
+    # it cannot move
+    reason = "settled" if pulled else "count" if problem.count == 1 else "full"
+    return replace(
+        method,
+        prepare=lambda _: State({}, {}, 1, 1, reason),
+        advance=lambda _, state, attempts: state,
+        finish=lambda task, _: task.packing(np.arange(1), stop_reason=reason, gravity=gravity, **grain),
+    )
+
+
+def _keeps_apart(problem: Problem) -> bool:
+    """Return whether grains are to keep a distance, or to overlap."""
+    return any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
+
+
 def _can_settle(problem: Problem) -> bool:
     """Return whether grains settle unasked: closed ones, not to keep a distance or to overlap, within known walls."""
-    apart = any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
     known = boundary_of(problem.container) is not UNKNOWN
-    return known and not apart and not any(shape.is_open for shape in problem.shapes)
+    return known and not _keeps_apart(problem) and not any(shape.is_open for shape in problem.shapes)
 
 
 def as_settling(asked: Any, parameters: Any = None) -> Settling | None:

@@ -16,6 +16,7 @@ from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.containers.gravity import main_axis
+from voxgran.packing.beds.met import MetBed
 from voxgran.packing.beds.search import SoughtBed
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.grains import STOP_REASONS
@@ -31,7 +32,7 @@ from voxgran.settling.parameters import Compression, Settling
 from voxgran.settling.stages import Settler
 
 #: what moves the grains of a run, step by step
-Moving: TypeAlias = Settler | Compressor | SoughtBed
+Moving: TypeAlias = Settler | Compressor | SoughtBed | MetBed
 #: bytes of a grain while it settles: pairs, contacts and their copies (measured)
 GRAIN_BYTES = 8000
 #: reasons of a method that hold on when its bed has settled
@@ -157,7 +158,7 @@ class SettleState:
     def steps(self) -> int:
         """Steps that were made, those of former tries included."""
         settler = self.settler
-        return settler.progress.step + (settler.former_steps if isinstance(settler, SoughtBed) else 0)
+        return settler.progress.step + (settler.former_steps if isinstance(settler, SoughtBed | MetBed) else 0)
 
     @property
     def arrays(self) -> dict[str, Array]:
@@ -349,7 +350,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
         state.done += attempts
         return state
     # a step takes about as long as a chunk of attempts of other methods
-    state.done = due
+    state.done = max(due, state.done)
     settler.step()
     state.total = max(state.done, settler.most_steps * many)
     if settler.ended:

@@ -189,6 +189,23 @@ def test_other_solids_have_contacts_with_meshes():
         assert abs(gap) < 0.02
 
 
+@pytest.mark.parametrize("gap", [1e-3, 0.02])
+@pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.0, 0.8, 0.6), (0.6, 0.64, 0.48)], ids=["face", "edge", "corner"])
+def test_spheres_whose_centers_lie_beyond_the_grid_have_their_gap(place, gap):
+    """Beside faces, edges and corners; the way to the grid and from there to the surface is no straight one."""
+    cube = vg.shapes.box(lengths=(1.0, 1.0, 1.0))
+    shapes = [vg.Shape.from_mesh(cube.vertices, cube.faces), vg.shapes.sphere(diameter=1.0)]
+    turns = normalized(np.random.Generator(np.random.Philox(4)).normal(size=(2, 4)))
+    corner = 0.5 * np.sign(place)
+    center = rotation_matrices(turns[:1])[0] @ (corner + (0.5 + gap) * np.array(place))
+    grains = grains_of(shapes, [0, 1], np.stack([np.zeros(3), center]), turns)
+    pairs = pairs_of([0], [1])
+    rows, m = look(grains, surface_bodies(shapes), pairs, margin=0.1)
+    assert m == 1
+    assert rows.row[0, GAP] == pytest.approx(gap, abs=5e-3)
+    assert pairs.bound[0] <= gap
+
+
 def test_long_edges_of_round_sides_have_points():
     cone = vg.make_shape("cone", radius=0.2, height=2.0)
     points = surface_points(cone.vertices, cone.faces, 0.07)

@@ -1,9 +1,10 @@
 """What `pack` and `make_shape` are given: other types and lengths that cannot be are refused in one sentence."""
 
+import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, TooLargeError, UnknownNameError, shown
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError, UnknownNameError, shown
 from voxgran.packing import draw
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
@@ -125,3 +126,32 @@ def test_counts_far_beyond_memory_or_container_are_refused_by_their_first_grains
     with pytest.raises(TooLargeError, match=r"count is 10000000: these grains need at least 2\.8 GiB.*has 0\.9 GiB"):
         vg.pack(SPHERE, BOX, method="rsa", count=10**7)
     assert drawn == [draw.PROBE]
+
+
+@pytest.mark.parametrize(
+    "method", ["gravity", "rsa", "digital", "digital_fill", "digital_rsa", "deposition", "advancing_front"]
+)
+@pytest.mark.parametrize(
+    ("shape", "container"),
+    [
+        (vg.shapes.box(lengths=(2, 3, 4)), vg.Box((3, 4, 2), origin=(1, 1, 1))),
+        (vg.shapes.cylinder(radius=1, height=3), vg.Cylinder(1, 3)),
+        (vg.shapes.sphere(diameter=2), vg.Sphere(1)),
+        (vg.make_shape("disk", diameter=2), vg.Rectangle((2, 2))),
+    ],
+    ids=["box", "cylinder", "sphere", "disk"],
+)
+def test_a_grain_that_is_as_large_as_its_container_is_placed(method, shape, container):
+    """In the one place that it has, where it cannot move."""
+    packing = vg.pack(shape, container, method, count=1)
+    assert packing.count == 1
+    assert vg.verify(packing).ok
+
+
+def test_a_grain_that_fills_its_container_is_all_that_fills_it():
+    cube, box = vg.shapes.box(lengths=(2, 2, 2)), vg.Box((2, 2, 2))
+    bed = vg.pack(cube, box, "gravity")
+    assert (bed.count, bed.stop_reason) == (1, "settled")
+    turn = np.array([[1.0, 0.3, 0.0, 0.0]]) / np.sqrt(1.09)
+    with pytest.warns(PackingWarning, match="0 of 1 grains"):
+        assert not vg.pack(cube, box, "rsa", count=1, orientations=turn, tries=100).count

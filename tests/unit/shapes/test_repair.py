@@ -218,7 +218,7 @@ def test_damage_to_a_convex_polyhedron_is_mended(seed, gone, turned):
 
 @pytest.mark.parametrize("at", [(1, 0, 0), (1, 0.5, 0), (1, 1, 0), (1, 1, 1), (0.75, 0, 0)])
 @pytest.mark.parametrize("turned", [False, True])
-def test_solids_that_touch_are_several(at, turned):
+def test_solids_that_touch_are_several_unless_they_share_a_face(at, turned):
     """Face to face, on a part of a face, along an edge and at a corner, with the same diagonals and with others."""
     edge = 0.5 if at[0] == 0.75 else 1.0
     one, (points, faces) = box(), box(edge=edge, at=at)
@@ -230,22 +230,47 @@ def test_solids_that_touch_are_several(at, turned):
     with pytest.raises(DirtyMeshError, match="has 2 separate bodies: a grain must be one solid"):
         repair(*two)
     found = repair(*two, bodies="all")
-    assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, edge**3], rel=1e-12)
+    if at in ((1, 0, 0), (1, 0.5, 0), (0.75, 0, 0)):
+        assert [shape.volume for shape in found.shapes] == pytest.approx([1.0 + edge**3], rel=1e-12)
+        assert found.sentences[-1] == "joined 2 solids that touch face to face, by manifold3d"
+    else:
+        assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, edge**3], rel=1e-12)
     assert repair(*two, bodies="largest").shape.volume == pytest.approx(1.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_solids_that_touch_in_single_precision_are_several(seed):
-    """Faces of a solid that is turned and rounded cut through those that they touch, by parts in 1e8."""
+def test_solids_that_share_a_face_in_single_precision_are_one(seed):
+    """Faces of a solid that is turned and rounded are parts of 1e8 away from those that they touch, or cut through."""
     turn = rotation_matrices(random_rotations(stream(seed, "turned"), 1))[0]
     parts = box(), box(edge=0.5, at=(0.75, 0, 0)), box(edge=0.5, at=(0, 0.9, 0)), box(edge=0.5, at=(0, 1.2, 0.1))
-    points, faces = both(both(parts[0], parts[1]), both(parts[2], parts[3]))
+    corner, edge, gap = (
+        box(edge=0.5, at=(0.75,) * 3),
+        box(edge=0.4, at=(-0.7, -0.7, 0)),
+        box(edge=0.3, at=(0, 0, 0.6501)),
+    )
+    points, faces = parts[0]
+    for part in (*parts[1:], corner, edge, gap):
+        points, faces = both((points, faces), part)
     rounded = (points @ turn.T + 0.3).astype(np.float32)
     found = repair(rounded, faces, bodies="all")
-    # those that overlap are one
-    assert len(found.shapes) == 3
-    assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, 0.25 - 0.2 * 0.5 * 0.4, 0.125], rel=1e-5)
-    assert found.sentences[-1].startswith("joined 2 shells that overlap")
+    # of those that overlap, that share a face, that touch at a corner and along an edge, and with a gap
+    volumes = [1.0 + 0.125, 0.25 - 0.2 * 0.5 * 0.4, 0.125, 0.064, 0.027]
+    assert [shape.volume for shape in found.shapes] == pytest.approx(volumes, rel=2e-5)
+    assert all(diagnose(shape).ok for shape in found.shapes)
+    assert "joined 2 solids that touch face to face, by manifold3d" in found.sentences
+
+
+def test_a_ring_of_bricks_and_a_wall_in_two_rows_are_one_body_each():
+    """Many faces at once; in a ring the last solid closes it."""
+    ring = [
+        box(at=at) for at in ((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0), (1, 2, 0), (0, 2, 0), (0, 1, 0))
+    ]
+    wall = [box(at=(10 + k + 0.5 * row, 0, row)) for row in range(2) for k in range(3)]
+    points, faces = ring[0]
+    for part in (*ring[1:], *wall):
+        points, faces = both((points, faces), part)
+    found = repair(points, faces, bodies="all")
+    assert [shape.volume for shape in found.shapes] == pytest.approx([8.0, 6.0], rel=1e-9)
 
 
 def test_a_cavity_and_a_solid_that_touch_the_surface_from_within():

@@ -53,7 +53,9 @@ def _grid_distance(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-unty
 
 @bare_kernel
 def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the slope of the distance at (x, y, z), in cells."""
+    """Return the slope of the distance at (x, y, z), in cells; beyond the grid its direction, and the distance from the
+    point of the surface that is nearest to the place of the grid that is nearest, 0 within it.
+    """
     cx, cy, cz = min(max(x, 0.0), nx - 1.001), min(max(y, 0.0), ny - 1.001), min(max(z, 0.0), nz - 1.001)
     i, j, k = int(cx), int(cy), int(cz)
     u, v, w = cx - i, cy - j, cz - k
@@ -66,13 +68,14 @@ def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped
     e0, e1 = (a01 - a00) + v * ((a11 - a10) - (a01 - a00)), (b01 - b00) + v * ((b11 - b10) - (b01 - b00))
     gx, gy, gz = (s - p) / cell, ((p1 - p0) + u * ((q1 - q0) - (p1 - p0))) / cell, (e0 + u * (e1 - e0)) / cell
     fx, fy, fz = (x - cx) * cell, (y - cy) * cell, (z - cz) * cell
-    far = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if far > 0.0:
-        inner = max(p + u * (s - p), 0.0)
+    away = 0.0
+    if fx != 0.0 or fy != 0.0 or fz != 0.0:
+        # interpolation makes slopes beside edges and corners less than 1
+        inner = max(p + u * (s - p), 0.0) / max(math.sqrt(gx * gx + gy * gy + gz * gz), FLAT)
         gx, gy, gz = inner * gx + fx, inner * gy + fy, inner * gz + fz
-        length = math.sqrt(gx * gx + gy * gy + gz * gz)
-        gx, gy, gz = gx / length, gy / length, gz / length
-    return gx, gy, gz
+        away = math.sqrt(gx * gx + gy * gy + gz * gz)
+        gx, gy, gz = gx / away, gy / away, gz / away
+    return gx, gy, gz, away
 
 
 @inlined_kernel
@@ -185,13 +188,15 @@ def _look(work, way, body, count, near, known, k):  # type: ignore[no-untyped-de
     for n in range(kept):
         s = listed[n]
         x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
-        gx, gy, gz = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
+        gx, gy, gz, away = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
         length = math.sqrt(gx * gx + gy * gy + gz * gz)
-        if length < FLAT:
+        # beyond the grid the distance that was found is a lower bound, by up to its fringe below the true one
+        gap = away * mine - point[s, 3] * theirs if away > 0.0 else work.found_apart[n]
+        if length < FLAT or gap >= near:
             continue
         row = work.candidate[k]
         row[0], row[1], row[2] = x, y, z
-        row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, work.found_apart[n]
+        row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, gap
         row[7] = point[s, 3] * theirs
         k += 1
     return k, low

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 #: number of grains that it must hold for a solid fraction, as in :mod:`voxgran.measures.registered.density`
 INSET, HELD, FEWEST = 1.5, 0.85, 50
 #: share of the grains of a bed that have their tops below its surface, and share of a height up to which it is met
-BELOW, MET = 0.95, 0.1
+BELOW, MET = 0.95, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def warn_of_height(task: Task, packing: Packing) -> None:
     up: Floats = -np.asarray(packing.gravity)
     wanted = min(asked, highest_surface(task.problem, up) * task.problem.unit_length)
     surface = surface_level(packing)
-    if abs(surface - wanted) > max(MET * wanted, packing.median_diameter):
+    if abs(surface - wanted) > max(MET * wanted, 0.5 * packing.median_diameter):
         warn(
             f"the surface of the bed is at {surface:.4g} instead of {asked:g}: these grains rest denser or looser than "
             f"is known of their shape; give count={round(packing.count * wanted / surface)} in place of the height",

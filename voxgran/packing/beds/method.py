@@ -12,6 +12,7 @@ Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Literal
 
@@ -24,8 +25,10 @@ from voxgran._base.errors import InputError, PackingWarning, warn
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.gravity import gravity_text, gravity_vector
+from voxgran.packing.beds.expected import surface_level
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.inlet import Inlet, column_below
+from voxgran.packing.beds.met import MetBed
 from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
@@ -48,6 +51,8 @@ from voxgran.settling.stages import Settler
 
 #: largest solid fraction of the column, and the largest one in that of the bed
 FULLEST, LOOSER = 0.52, 0.87
+#: share of a height, and distance in median diameters, up to which a surface is met
+CLOSE, CLOSER = 0.035, 0.2
 #: why grains are left out, and what helps
 NO_ROOM = (
     "no more are expected to come to rest below the top of the container, or below the height that is asked for, or to "
@@ -69,9 +74,10 @@ class Gravity(Settling):
         solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall farther;
         of grains that grow together only, not beside a fall height or a rate of the inlet.
     height
-        height of the surface of the bed above the lowest point of the container, in units of length, to about 7 percent
-        from four grains on: about 95 percent of all grains have their tops below it; as many grains grow as usually
-        fill it; if omitted, count and solid_fraction alone decide, or the container.
+        height of the surface of the bed above the lowest point of the container, in units of length, to 3.5 percent or
+        0.2 median diameters: about 95 percent of all grains have their tops below it; as many grains grow as usually
+        fill it, and where the surface is elsewhere the bed is made again, at most twice, with a number of grains
+        corrected by that; if omitted, count and solid_fraction alone decide, or the container.
     inlet
         disk or rectangle below which the grains begin to fall; if omitted, the whole container.
     fall_height
@@ -126,17 +132,37 @@ def prepare(problem: Problem) -> SettleState:
     gravity, how = gravity_vector(problem), settling_of(problem.parameters)
     started = reachable(problem)
     rain = rain_of(started, -gravity)
-    assembly, small = _start(started) if rain is None else _unplaced(started)
-    held = 0 if rain is None else assembly.count - problem.started
-    assembly, small = _beside_fixed(problem, assembly, small)
-    lidded = with_lid(assembly, how, gravity)
-    settler = begin_settling(
-        how if assembly.movable.any() else replace(how, solid_fraction=None),
-        lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small, rain=rain, held=held),
-        lambda settler: _packing(problem, settler, ""),
-    )
-    reason = "" if assembly.movable.any() else "count"
-    return SettleState(settler, total=settler.most_steps * assembly.count, stop_reason=reason)
+
+    def beginning(count: int) -> Callable[[Settling], Settler]:
+        """Return what begins to settle so many grains, those of the start among them."""
+        assembly, small = _start(started, count) if rain is None else _unplaced(started, count)
+        held = 0 if rain is None else assembly.count - started.started
+        assembly, small = _beside_fixed(problem, assembly, small)
+        lidded = with_lid(assembly, how, gravity)
+        return lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small, rain=rain, held=held)
+
+    count = max((_with_room if rain is None else _as_many)(started, -gravity), started.started)
+    settler: Moving
+    if problem.parameters.height is not None and how.solid_fraction is None:
+        settler = MetBed(count, lambda many: beginning(many)(how), lambda bed: _corrected(problem, started, bed))
+    else:
+        sought = how if count else replace(how, solid_fraction=None)
+        settler = begin_settling(sought, beginning(count), lambda tried: _packing(problem, tried, ""))
+    movable, total = settler.bed.assembly.movable.any(), settler.most_steps * settler.bed.assembly.count
+    return SettleState(settler, total=total, stop_reason="" if movable else "count")
+
+
+def _corrected(problem: Problem, started: Problem, met: MetBed) -> int:
+    """Return the number of grains whose bed has its surface at the height that is asked for, by that of a bed."""
+    up, unit, count = -gravity_vector(problem), problem.unit_length, met.count
+    wanted = min(problem.length(problem.parameters.height), highest_surface(started, up))
+    surface = surface_level(_packing(problem, met, "")) / unit
+    if met.bed.count < count + problem.fixed or abs(surface - wanted) <= max(CLOSE * wanted, CLOSER):
+        return count
+    asked, found = (volume_at_rest(started, up, level, stream(problem.seed, "height")) for level in (wanted, surface))
+    volume = np.cumsum(started.volumes)
+    count = max(int(np.searchsorted(volume, volume[count - 1] * asked / found, side="right")), 1)
+    return max(in_column(started, up, count, wanted, stream(problem.seed, "column")), started.started)
 
 
 def settling_of(parameters: Gravity) -> Settling:
@@ -154,9 +180,9 @@ def _with_room(problem: Problem, up: Floats) -> int:
     return in_column(problem, up, _as_many(problem, up), _height(problem, up), stream(problem.seed, "column"))
 
 
-def _unplaced(problem: Problem) -> tuple[Assembly, Floats]:
-    """Return the grains of a start before all others, which will arrive one after the other, and no growth."""
-    m, n = problem.started, max(_as_many(problem, -gravity_vector(problem)), problem.started)
+def _unplaced(problem: Problem, n: int) -> tuple[Assembly, Floats]:
+    """Return the first n grains, those of a start before all others, which will arrive one by one, and no growth."""
+    m = problem.started
     centers = np.zeros((n, 3))
     centers[:m] = spheres_of_start(problem)[:, :3] + problem.container.bounds[0]
     return _assembly(problem, centers, stream(problem.seed, "seeds")), np.ones(n)
@@ -177,14 +203,13 @@ def _assembly(problem: Problem, centers: Floats, generator: np.random.Generator)
     return Assembly.of(problem.shapes, problem.container, orientation=turns, density=problem.density, **arrays)
 
 
-def _start(problem: Problem) -> tuple[Assembly, Floats]:
-    """Return the grains at their seeds, at full size, and the factors on their sizes."""
+def _start(problem: Problem, n: int) -> tuple[Assembly, Floats]:
+    """Return the first n grains at their seeds, at full size, and the factors on their sizes."""
     container, dimension = problem.container, problem.dimension
     up, settings = -gravity_vector(problem), problem.parameters
     generator = stream(problem.seed, "seeds")
-    n, volume = _with_room(problem, up), np.cumsum(problem.volumes)
-    spheres, m = spheres_of_start(problem), problem.started
-    n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
+    volume, spheres, m = np.cumsum(problem.volumes), spheres_of_start(problem), problem.started
+    centers = spheres[:, :3] + container.bounds[0]
     base = float((linear.matmul(centers, up) + spheres[:, 3]).max(initial=-math.inf))
     if settings.inlet is not None:
         container, base = column_below(settings.inlet, problem, up, np.column_stack([centers, spheres[:, 3]]))

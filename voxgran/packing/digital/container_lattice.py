@@ -69,23 +69,55 @@ def _usual_voxel_size(problem: Problem) -> float:
     while seconds is not None and size < COARSEST and seconds(problem, size) > LONG:
         size = min(1.1 * size, COARSEST)
     finer = size * libm.power(1.05, -np.arange(float(NARROW)))
-    return next((float(smaller) for smaller in finer if _has_places(problem, float(smaller))), float(size))
+    sizes = [float(size), *_sizes_of_column(problem, size), *map(float, finer[1:])]
+    # a column that fills the container to the last digit has one grain less than it could hold
+    tries = ((smaller, column) for column in (True, False) for smaller in sizes)
+    return next((smaller for smaller, column in tries if _has_places(problem, smaller, column=column)), float(size))
 
 
-def _has_places(problem: Problem, size: float) -> bool:
-    """Return whether the voxels of the largest grain of each shape, turned along the axes, fit between plane walls.
+def _sizes_of_column(problem: Problem, size: float) -> list[float]:
+    """Return voxel sizes below another one of which a column of grains one above the other has a whole number."""
+    room, edges = _room_between_walls(problem), [_edges(problem, k).max() for k in range(len(problem.shapes))]
+    longest, many = max(edges), _in_column(problem, room, np.full(problem.dimension, max(edges)))
+    if many < 2 or not np.isfinite(room[-1]):
+        return []
+    halves = np.arange(NARROW) + np.floor(longest / (2.0 * size)) + 1.0
+    found: list[float] = (room[-1] / (2.0 * many * halves)).tolist()
+    return [smaller for smaller in found if smaller <= size]
+
+
+def _in_column(problem: Problem, room: Floats, edges: Floats) -> int:
+    """Return how many grains of sorted edges lie one above the other in a container where no two lie side by side."""
+    many = np.floor(room / edges + WHOLE)
+    return int(min(many[-1], problem.count)) if (many[:-1] == 1.0).all() and edges[-1] > 0.0 else 1
+
+
+def _room_between_walls(problem: Problem) -> Floats:
+    """Return the lengths of a container, the smallest first, which are infinite along periodic axes."""
+    container = problem.container
+    lengths = np.where(container.periodic, np.inf, container.bounds[1] - container.bounds[0])
+    return np.sort(lengths[: problem.dimension])
+
+
+def _edges(problem: Problem, shape: int) -> Floats:
+    """Return the edges of the bounds of the largest grain of a shape, the smallest first."""
+    largest = problem.diameter[problem.shape_id == shape].max(initial=0.0)
+    return np.sort(np.ptp(problem.shapes[shape].bounds, axis=0)[: problem.dimension] * largest)
+
+
+def _has_places(problem: Problem, size: float, *, column: bool) -> bool:
+    """Return whether the voxels of the largest grain of each shape, turned along the axes, fit between plane walls,
+    and those of all grains that a column of single ones holds.
 
     A grain that is wider than the container counts for nothing: no voxels help.
     """
-    container, d = problem.container, problem.dimension
-    if not boundary_of(container).is_flat:
+    if not boundary_of(problem.container).is_flat:
         return True
-    lengths = np.where(container.periodic, np.inf, container.bounds[1] - container.bounds[0])[:d]
-    room = np.sort(lengths)
-    for k, shape in enumerate(problem.shapes):
-        mine = problem.diameter[problem.shape_id == k]
-        edges = np.sort(np.ptp(shape.bounds, axis=0)[:d] * mine.max(initial=0.0))
+    room = _room_between_walls(problem)
+    for k in range(len(problem.shapes)):
+        edges = _edges(problem, k)
         taken = 2.0 * (np.floor(edges / (2.0 * size) + WHOLE) + 1.0)
+        taken[-1] *= _in_column(problem, room, edges) if column else 1
         if (edges <= room).all() and (taken > np.floor(room / size + WHOLE)).any():
             return False
     return True

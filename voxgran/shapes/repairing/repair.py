@@ -4,9 +4,9 @@ The steps, in this order: vertices that coincide become one; the second side of 
 round goes; a surface that only touches itself, or solids that touch each other, are parted there, which is all; faces
 without area, faces that stand twice and patches that hang on edges with too many faces go; faces are wound alike; small
 holes are closed; shells without volume go and outer shells are turned outward; faces that cut through each other are
-cut out and the hole is closed; shells that overlap are joined by manifold3d; and one body is kept, or all, or several
-are refused. Every step that did something is one sentence with its numbers, and the result has passed the same check as
-any other shape.
+cut out and the hole is closed; shells that overlap are joined by manifold3d; and one body is kept, or all, of which
+those that share a face are joined, or several are refused. Every step that did something is one sentence with its
+numbers, and the result has passed the same check as any other shape.
 
 Surfaces that touch themselves along edges, as surfaces of voxels do, are parted there by doubled vertices.
 """
@@ -25,25 +25,20 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_numbe
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.geometry.crossing import crossing_faces
-from voxgran.geometry.triangles import areas_of
 from voxgran.lattice.cuberille import fans, with_middles
-from voxgran.lattice.label import components
-from voxgran.shapes.boolean import common_volume, united
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
 from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
+from voxgran.shapes.repairing.joining import diagonal, joined, joined_at_faces, say, signed_volume
 from voxgran.shapes.repairing.patches import one_sided, without_doubles, without_flaps, without_pinches, wound_alike
-from voxgran.shapes.shells import edge_faults, half_edges, shell_labels, without_unused
+from voxgran.shapes.shells import edge_faults, half_edges, shell_labels
 
 log = logging.getLogger(__name__)
 
 #: vertices nearer than this many diagonals of the bounding box become one
 WELD = 1e-7
-#: thickness of the part that two solids share, in diagonals of the bounding box, up to which they only touch: files may
-#: round coordinates to single precision
-TOUCHING = 1e-6
 #: rings of faces around a crossing that are cut out at the most
 MOST_RINGS = 5
 
@@ -106,7 +101,8 @@ def repair(
     max_hole : float
         How wide a hole may be to be closed, in diagonals of the bounding box.
     bodies : {"refuse", "largest", "all"}
-        What becomes of a mesh that holds several solids.
+        What becomes of a mesh that holds several solids. Of all, those that share a part of a face, up to the rounding
+        of files to single precision, are joined into one; those that touch along an edge or at a corner stay apart.
     name : str
         What reports call the shape; several get a number each.
     unit : str, optional
@@ -184,17 +180,17 @@ def repaired(
     done: list[str] = []
     used = len(np.unique(triangles))
     corners, triangles = merged(given, triangles, weld=WELD)
-    _say(done, used - len(corners), "merged {} vertices that coincide")
+    say(done, used - len(corners), "merged {} vertices that coincide")
     single, second = one_sided(triangles, len(corners))
     # sheets that hang beside a solid are left out with both sides
     if second == len(single) or not edge_faults(single, len(corners))[0]:
         triangles = single
-        _say(done, second, "left out {} faces, the second side of a surface with two")
+        say(done, second, "left out {} faces, the second side of a surface with two")
     touching = int(edge_faults(triangles, len(corners))[1])
     apart = parted(corners, triangles) if touching else None
     rules = _Rules(name, limit, remedies)
     if apart is not None and all(bounds_solid(*solid) for solid in split(*apart)):
-        _say(done, touching, "parted the surface at {} edges along which it touches itself")
+        say(done, touching, "parted the surface at {} edges along which it touches itself")
         before, surface = _enclosed(*apart), apart
     else:
         triangles = _cleared(corners, triangles, done)
@@ -223,34 +219,34 @@ def _mended(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> 
     if len(triangles):
         corners, triangles = _closed(points, faces, rules, done)
         triangles, flat = without_flat(corners, triangles)
-        _say(done, flat, "left out {} shells that enclose nothing")
+        say(done, flat, "left out {} shells that enclose nothing")
     if not len(triangles):
         raise DirtyMeshError(f"{rules.name} encloses no volume: a grain must be a solid; check the file")
     triangles, turned = outward(corners, triangles)
-    _say(done, turned, "turned {} shells inside out, so that outer faces point outward")
+    say(done, turned, "turned {} shells inside out, so that outer faces point outward")
     corners, triangles = _uncrossed(corners, triangles, rules, done)
-    return _joined(corners, triangles, done)
+    return joined(corners, triangles, done)
 
 
 def _cleared(points: Floats, faces: Integers, done: list[str]) -> Integers:
     """Leave out faces that are no part of the surface of a solid, and wind the others alike."""
     line = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    _say(done, int(line.sum()), "left out {} faces without area")
+    say(done, int(line.sum()), "left out {} faces without area")
     faces, doubles, empty = without_doubles(faces[~line], len(points))
-    _say(done, doubles, "left out {} faces that stand twice")
-    _say(done, empty, "left out {} faces that lie on their own reverse")
+    say(done, doubles, "left out {} faces that stand twice")
+    say(done, empty, "left out {} faces that lie on their own reverse")
     faces, patches, hanging = without_flaps(points, faces)
-    _say(done, patches, f"left out {{}} patches with {hanging} faces that hang on edges with more than two faces")
+    say(done, patches, f"left out {{}} patches with {hanging} faces that hang on edges with more than two faces")
     faces, pinched = without_pinches(points, faces)
-    _say(done, pinched, "cut out {} faces at edges with more than two faces")
+    say(done, pinched, "cut out {} faces at edges with more than two faces")
     faces, turned = wound_alike(faces, len(points))
-    _say(done, turned, "turned over {} faces that were wound against their neighbours")
+    say(done, turned, "turned over {} faces that were wound against their neighbours")
     return faces
 
 
 def _closed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
     """Close the holes."""
-    size = _diagonal(points)
+    size = diagonal(points)
     loops = hole_loops(faces, len(points))
     wide = np.array([extent(points, loop) for loop in loops]) / size
     if len(wide) and wide.max() > rules.max_hole:
@@ -263,7 +259,7 @@ def _closed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> 
         added, triangles = closed_loop(points, faces, loop)
         points, faces = np.concatenate([points, added]), np.concatenate([faces, triangles])
     widest = f", the widest {wide.max():.2g} of the size" if len(wide) else ""
-    _say(done, len(loops), f"closed {{}} holes with {len(faces) - before} faces{widest}")
+    say(done, len(loops), f"closed {{}} holes with {len(faces) - before} faces{widest}")
     open_edges, crowded, unlike = edge_faults(faces, len(points)).tolist()
     if open_edges or crowded or unlike:
         raise DirtyMeshError(
@@ -290,7 +286,7 @@ def _uncrossed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) 
             f"{rules.name} has {int(crossing.sum())} faces that cut through others of the same shell after {cut} were "
             "cut out: what is inside is not certain there; mend it by hand"
         )
-    _say(done, cut, "cut out {} faces at places where the surface cut through itself, and closed it again")
+    say(done, cut, "cut out {} faces at places where the surface cut through itself, and closed it again")
     return points, faces
 
 
@@ -314,45 +310,6 @@ def _grown(faces: Integers, chosen: Any, vertex_count: int, rings: int) -> Any:
     return chosen
 
 
-def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, Integers]:
-    """Join shells that overlap, or that lie in others and point outward; those that touch stay apart."""
-    shells = shells_of(points, faces)
-    inner = (shells.volume > 0) & (shells.level % 2 == 1)
-    # faces of one shell that cross have been cut out
-    if len(inner) < 2 or (not inner.any() and not crossing_faces(points, faces).any()):
-        return points, faces
-    solids = [without_unused(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
-    outward = np.flatnonzero(shells.volume > 0)
-    one, other = _overlapping([solids[k] for k in outward])
-    body = components(len(solids), outward[one], outward[other])
-    many = np.bincount(body)[body] > 1
-    if not many.any():
-        return points, faces
-    if len(outward) < len(solids):
-        raise DirtyMeshError(
-            f"the mesh has {len(solids) - len(outward)} cavities beside shells that overlap: what is inside is "
-            "not certain; save each solid in a file of its own"
-        )
-    done.append(f"joined {int(many.sum())} shells that overlap or lie in each other, by manifold3d")
-    bodies = [united([solids[k] for k in np.flatnonzero(body == one)]) for one in np.unique(body[many])]
-    bodies += [solids[k] for k in np.flatnonzero(~many)]
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
-    return np.concatenate([vertices for vertices, _ in bodies]), np.concatenate(
-        [triangles + k for (_, triangles), k in zip(bodies, first[:-1], strict=True)]
-    )
-
-
-def _overlapping(solids: list[tuple[Floats, Integers]]) -> tuple[Integers, Integers]:
-    """Return the pairs of solids whose common part is thicker than what rounding makes of solids that touch."""
-    low, high = np.swapaxes([box_of(vertices) for vertices, _ in solids], 0, 1)
-    near = (low[:, None] <= high[None]).all(axis=2) & (low[None] <= high[:, None]).all(axis=2)
-    one, other = np.nonzero(np.triu(near, 1))
-    area = np.array([areas_of(vertices[triangles]).sum() for vertices, triangles in solids])
-    least = TOUCHING * float(linear.norm(high.max(axis=0) - low.min(axis=0))) * np.minimum(area[one], area[other])
-    thick = np.array([common_volume(solids[i], solids[j]) for i, j in zip(one, other, strict=True)]) > least
-    return one[thick], other[thick]
-
-
 def _chosen(
     mesh: tuple[Floats, Integers], bodies: str, rules: _Rules, done: list[str]
 ) -> list[tuple[Floats, Integers]]:
@@ -363,40 +320,23 @@ def _chosen(
             f"{rules.name} has {len(solids)} separate bodies: a grain must be one solid; {rules.remedies.choose}"
         )
     if len(solids) > 1 and bodies == "largest":
-        volumes = [_signed(vertices[faces]) for vertices, faces in solids]
+        volumes = [signed_volume(vertices[faces]) for vertices, faces in solids]
         share = 100 * (1 - volumes[0] / sum(volumes))
         done.append(f"kept the largest of {len(solids)} bodies and left out {share:.2g} % of the volume")
         return solids[:1]
-    return solids
-
-
-def _say(done: list[str], count: int, text: str) -> None:
-    """Add a sentence where something was done."""
-    if count:
-        done.append(text.format(count))
-
-
-def _diagonal(points: Floats) -> float:
-    """Return the diagonal of the bounding box."""
-    return float(linear.norm(np.subtract(*box_of(points))))
+    return joined_at_faces(solids, done)
 
 
 def _enclosed(points: Floats, faces: Integers) -> float:
     """Return the volume of all shells, open ones closed by cones to their centroids; of inner ones as they point."""
     label = shell_labels(points, faces)
     total, parts = 0.0, [points[faces[label == k]] for k in range(int(label.max(initial=-1)) + 1)]
-    signed = [_signed(part) for part in parts]
+    signed = [signed_volume(part) for part in parts]
     low, high = np.reshape([box_of(part.reshape(-1, 3)) for part in parts], (-1, 2, 3)).swapaxes(0, 1)
     for k, volume in enumerate(signed):
         around = [t for t in range(len(parts)) if t != k and (low[t] < low[k]).all() and (high[t] > high[k]).all()]
         total += volume * np.sign(signed[around[0]]) if around else abs(volume)
     return float(total)
-
-
-def _signed(corners: Floats) -> float:
-    """Return the volume of the tetrahedra between triangles and their centroid."""
-    local = corners - corners.mean(axis=(0, 1))
-    return float(linear.einsum("fi,fi->", local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
 
 
 #: angles that differ by less are one, in radians

@@ -165,10 +165,10 @@ def test_narrow_and_low_containers_hold_what_fits(shape, container, count, param
 
 
 def test_a_leaning_column_is_filled_to_the_height():
-    """A sphere at x has its top at (x + 0.5) / sqrt(2) + 0.5 or a little above: four are below 4."""
+    """A sphere at x has its top at (x + 0.5) / sqrt(2) + 0.5 or a little above: that of the fifth is nearest to 4."""
     with pytest.warns(PackingWarning, match="or below the height that is asked for"):
         bed = vg.pack(SPHERE, vg.Box((10, 1.07, 1.07)), "gravity", count=9, height=4.0, gravity=(-1.0, 0.0, -1.0))
-    assert bed.count == 4
+    assert bed.count == 5
 
 
 @pytest.mark.parametrize(
@@ -238,6 +238,22 @@ def pierced(holes, radius, sides=12):
     return found.scaled(1.0 / found.diameter)
 
 
+def of_unit_size(family, seed):
+    """Return a random shape of unit equivalent diameter."""
+    shape = vg.make_shape(family, seed=seed)
+    return shape.scaled(1.0 / shape.diameter)
+
+
+def grown(seed):
+    """Return a grain of random growth, which is far looser than its hull."""
+    return of_unit_size("random_growth", seed)
+
+
+def of_spheres():
+    """Return assemblies of spheres."""
+    return [of_unit_size("sphere_assembly", seed) for seed in range(3)]
+
+
 RING, FOUR = pierced([(0, 0)], 0.55), pierced([(0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5)], 0.27)
 WALLED = vg.Box((10, 10, 20))
 OPEN = vg.Box((7, 7, 30), periodic="xy")
@@ -260,9 +276,15 @@ OPEN = vg.Box((7, 7, 30), periodic="xy")
         slow(vg.make_shape("box", aspect=(1, 1, 4)), vg.Box((8, 8, 20)), 8.0, {}),
         slow(RING, vg.Box((6, 6, 14), periodic="xy"), 9.0, {}),
         slow(FOUR, vg.Box((6, 6, 14), periodic="xy"), 9.0, {}),
+        (SPHERE, vg.Box((5, 5, 16)), 6.0, {"fall_height": 20.0}),
+        (grown(0), vg.Box((5, 5, 12)), 6.0, {}),
+        slow([grown(seed) for seed in range(3)], vg.Box((6, 6, 16), periodic="xy"), 8.0, {}),
+        slow(of_spheres(), vg.Box((6, 6, 14)), 6.0, {"friction": 0.0}),
+        slow(of_spheres(), vg.Cylinder(3.0, 10.0), 6.0, {"fall_height": 1.0}),
     ],
     ids=["open", "frictionless", "graded", "low", "walls", "narrow", "cylinder", "sphere", "disks", "open disks",
-         "polyhedra", "rods", "rings", "four holes"],
+         "polyhedra", "rods", "rings", "four holes", "fallen", "grown", "grown mixed", "frictionless assemblies",
+         "fallen assemblies"],
 )  # fmt: skip
 def test_a_height_counts_the_grains(shape, container, height, parameters):
     """The bed ends at the height that is asked, between walls or not, whatever the grains are."""
@@ -273,17 +295,33 @@ def test_a_height_counts_the_grains(shape, container, height, parameters):
         tops = bed.position[:, axis] + 0.5 * bed.diameters
     assert bed.stop_reason == "settled"
     # the tops of the uppermost grains, without the few that lie on the others
-    assert np.quantile(tops, 0.95) - container.bounds[0][axis] == pytest.approx(height, rel=0.075)
+    assert np.quantile(tops, 0.95) - container.bounds[0][axis] == pytest.approx(height, rel=0.05)
 
 
-def test_bores_that_no_grain_enters_count_as_the_hull_that_they_are_in():
-    """Bores make a bed lighter by their share of the hull, however large their surface is, and no other change."""
+def test_bores_that_grains_hardly_enter_count_as_the_hull_that_they_are_in():
+    """Bores make a bed lighter by nearly their share of the hull, however large their surface is."""
     box, found = vg.Box((8, 8, 20), periodic="xy"), []
     for shape in (pierced([], 0.0), RING, FOUR):
         task = kit.task_of("gravity", shape, box, count=50)
         found.append(usual_solid_fraction(task.problem))
     shares = [vg.describe(shape).convexity.item() for shape in (RING, FOUR)]
-    assert found[1:] == pytest.approx([found[0] * share for share in shares], rel=1e-6)
+    assert found[1:] == pytest.approx([found[0] * share**0.85 for share in shares], rel=1e-6)
+
+
+def test_a_bed_that_is_made_again_for_its_height_goes_on_from_its_checkpoint(tmp_path):
+    """The second bed has grains of the same draw, and a run that is stopped anywhere ends with the same bits."""
+    box, asked = vg.Box((4, 4, 12), periodic="xy"), {"height": 6.0, "fall_height": 30.0}
+    whole = vg.pack(SPHERE, box, "gravity", **asked)
+    assert whole.provenance["counters"]["met_beds"] > 1
+    path, parts = tmp_path / "bed.ckpt", 0
+    while (
+        vg.pack(SPHERE, box, "gravity", checkpoint=path, resume=True, time_limit=0.1, **asked).stop_reason != "settled"
+    ):
+        parts += 1
+    again = vg.pack(SPHERE, box, "gravity", checkpoint=path, resume=True, **asked)
+    assert parts
+    assert again.position.tobytes() == whole.position.tobytes()
+    assert again.provenance["counters"] == whole.provenance["counters"]
 
 
 def test_a_height_that_is_missed_is_told():

@@ -146,6 +146,16 @@ def test_an_inlet_with_a_rate_pours_in_time():
     assert np.median(np.abs(heap.position[:, 0] - 15.0)) < 6.0
 
 
+def test_all_grains_arrive_one_by_one_beside_several_obstacles():
+    """None of them begins in the corner of the container, where the others would push it through."""
+    box = vg.Box((6, 6, 16))
+    standing = vg.Packing.of(BALL, box, position=[(1, 1, 1), (3, 3, 1), (5, 5, 1), (1, 5, 1)])
+    bed = vg.pack(BALL, box, "gravity", count=10, fall_height=1.0, obstacles=standing)
+    assert bed.count == 14
+    assert bed.stop_reason == "settled"
+    assert vg.verify(bed).ok
+
+
 def test_a_spout_at_a_height_lets_grains_fall_from_there():
     high = Settler(assembly(1), Settling(), DOWN, rain=Rain(0.0, 1.0, lambda *_: MIDDLE, 8.0), held=1)
     high.step()
