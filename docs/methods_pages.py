@@ -76,7 +76,7 @@ def page_of(kind: Kind, name: str, folder: Path) -> str:
     lines += ["## Cost and error", "", cost, ""]
     if case.bench:
         lines += [f"![Figure of the bench {case.bench}: error or density against time](../../figures/{case.bench}.svg)"]
-        lines += ["", f"The figure is drawn by `voxgran bench {case.bench} -o docs/figures`.", ""]
+        lines += ["", f"The figure is drawn by `python -m benchmarks {case.bench} -o docs/figures`.", ""]
     lines += ["## Source", "", f"{_linked(entry.source)}" if entry.source else "Geometry in closed form.", ""]
     lines += [f"More in the guide: [{case.guide}](../../guide/{case.guide})."] if case.guide else []
     return "\n".join(lines) + "\n"

@@ -6,7 +6,7 @@ Four small studies of control-point packing: feeding rate, way of feeding, bound
 study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half as
 wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50 grains
 away from walls and surface), the mean height of the grains above the floor in diameters, and the CPU seconds of
-a run, as means over several seeds. It writes a table, with the yardstick of `voxgran bench` beside the seconds, and a
+a run, as means over several seeds. It writes a table, with the yardstick of the benchmarks beside the seconds, and a
 figure with error bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds (400 400 3 in the documentation).

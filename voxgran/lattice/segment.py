@@ -188,8 +188,8 @@ def segment(
     cuts large ones at each bump of their surface. Of a part that the border cuts it is the mean of two, one of them by
     distances within the planes of the border: what is left of a grain may be thin there, and its section wide. The
     excess tells grains that touch with a wide neck from the parts of one: two equal spheres that touch have 0.45, the
-    parts of a convex body at most about 0. Spheres, polyhedra and rocks are found within 2 % (``voxgran bench
-    segmentation``). Grains that share a whole flat face have no neck: nothing parts them.
+    parts of a convex body at most about 0. Spheres, polyhedra and rocks are found within 2 %
+    (``python -m benchmarks segmentation``). Grains that share a whole flat face have no neck: nothing parts them.
 
     The doubt is a logistic function of ratio, excess and the volume of both parts together among those of all grains:
     the parts of a grain that was cut in two make one of usual size, and two grains that were merged are large. Its
