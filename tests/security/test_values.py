@@ -149,3 +149,43 @@ def test_absurd_numbers_of_scenes_are_one_sentence(place, odd, tmp_path, capsys)
     assert main(["plan", str(tmp_path / "a.toml")]) in (0, 2)
     assert "Traceback" not in capsys.readouterr().err
     assert sys.exc_info() == (None, None, None)
+
+
+@pytest.mark.parametrize("corner", [0.0, np.nan, np.inf, 3e38, 1e-44])
+def test_vessels_of_no_triangles_are_refused(corner, tmp_path):
+    """Where all triangles fall together there was nothing to take the largest of."""
+    facet = np.full(9, corner, dtype="<f4").tobytes()
+    (tmp_path / "a.stl").write_bytes(bytes(80) + (4).to_bytes(4, "little") + (bytes(12) + facet + bytes(2)) * 4)
+    for read in (vg.Vessel, vg.load_shape):
+        with np.errstate(all="ignore"), pytest.raises(VoxgranError):
+            read(tmp_path / "a.stl")
+
+
+@pytest.mark.parametrize("name", ["vertices", "faces", "vertex_count", "face_count", "weights", "donors"])
+def test_learned_shapes_have_arrays_of_one_form(name, tmp_path):
+    """Any of them of another type, with another number of columns, or another dimension."""
+    netcdf, path = pytest.importorskip("netCDF4"), tmp_path / "m.nc"
+    vg.learn_shapes([vg.make_shape("voronoi_fragment", seed=k) for k in range(10)]).save(path)
+    with netcdf.Dataset(path) as file:
+        kept = {key: np.ma.getdata(values[...]) for key, values in file.variables.items()}
+        facts = {key: file.getncattr(key) for key in file.ncattrs()}
+    own = kept[name]
+    others = [
+        own[..., None],
+        own[:1],
+        own.astype(np.float32) + 0.5,
+        own * 0 - 1,
+        own[:, :2] if own.ndim > 1 else own[:0],
+    ]
+    for array in others:
+        with netcdf.Dataset(path, "w") as file:
+            file.setncatts(facts)
+            for key, values in {**kept, name: array}.items():
+                sizes = [f"{key}_{k}" for k in range(values.ndim)]
+                for size, length in zip(sizes, values.shape, strict=True):
+                    file.createDimension(size, length)
+                file.createVariable(key, values.dtype, sizes)[...] = values
+        if name in ("vertices", "weights", "donors") and array is others[2]:
+            continue
+        with pytest.raises(VoxgranError):
+            vg.ShapeModel.load(path)

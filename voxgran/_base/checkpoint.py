@@ -113,6 +113,8 @@ def _wrong(name: str, what: str) -> str:
 
 def _within(values: Any, held: Held) -> bool:
     """Return whether all values are in their range."""
+    if values is None:
+        return False
     whole = not isinstance(values, np.ndarray) or values.dtype.kind != "f"
     most = MOST if whole else FAR
     low, high = (-most if held.low is None else held.low), (most if held.high is None else held.high)

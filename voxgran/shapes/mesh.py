@@ -288,7 +288,7 @@ class Surface(Triangles):
         return read_only(np.trace(second) * np.eye(3) - second)
 
 
-def refuse_degenerate(geometry: Triangles, name: str) -> None:
+def refuse_degenerate(geometry: "Mesh | Surface", name: str) -> None:
     """Refuse triangles of a file that enclose nothing, or have no area.
 
     Raises

@@ -143,9 +143,10 @@ def _fits(problem: Problem, state: State) -> Rule:
     def fits(arrays: Any, counters: Any) -> bool:
         setting = _setting(problem, state)
         check_held((arrays, {}), arrays, {}, declared_sites(setting.room.places, setting.oriented))
-        placed, done = counters["placed"], state.done
+        placed, done, total = counters["placed"], state.done, problem.count - problem.started
         return bool(
-            np.array_equal(np.sort(arrays["order"]), np.arange(problem.count)) and done <= state.total
+            np.array_equal(np.sort(arrays["order"]), np.arange(problem.count)) and done <= total
+            and state.total == total and (done < total or state.stop_reason)
             and placed + counters["skipped"] == done and counters["map_updates"] >= 0
             and stand_within(setting.lattice, problem.container.periodic, setting.oriented, arrays)
         )  # fmt: skip

@@ -199,7 +199,8 @@ class GrowingSolids:
     @property
     def declared(self) -> Declared:
         """What a checkpoint may hold."""
-        counts = {"stage": Held(0, JAMMING), **dict.fromkeys(("steps", "turns", "moves"), Held(0, MOST_ATTEMPTS))}
+        counts = {"stage": Held(0, JAMMING), "turns": Held(0, 2 * LONGEST)}
+        counts |= dict.fromkeys(("steps", "moves"), Held(0, MOST_ATTEMPTS))
         own = {"numbers": Held(0.0, math.inf), **dict.fromkeys(("good_position", "good_turns"), Held(rows="grains"))}
         bed = declared_of(self.bed) if self.assembly.count else {}
         return {**bed, **counts, **own, **dict.fromkeys(("ended", "jammed", "met"), Held(0, 1))}

@@ -89,7 +89,8 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], dict[st
     output_suffix(found, [".nc"], "distributions of shapes are kept")
     facts, arrays = read_guarded(model_values, found)
     unit = facts.pop("unit")
-    meshes, vertex, face = [], 0, 0
+    meshes: list[Shape] = []
+    vertex, face = 0, 0
     for points, corners in zip(arrays["vertex_count"], arrays["face_count"], strict=True):
         triangles = arrays["faces"][face : face + corners].astype(np.int64)
         mesh = Mesh(arrays["vertices"][vertex : vertex + points], triangles)
