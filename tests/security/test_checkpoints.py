@@ -57,7 +57,7 @@ RUNS = {
     "compress": (20, lambda **run: vg.compress(LOOSE, **run)),
 }
 #: those that are tried at each change, as the quickest of their kind
-QUICK = ("rsa", "digital_rsa", "digital", "deposition", "expand", "settle")
+QUICK = ("rsa", "digital_rsa", "digital", "deposition", "expand")
 
 
 def run(kind, path, *, steps, **options):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -94,10 +93,8 @@ NAMES = {
 def test_names_in_scenes_have_few_parts(name, tmp_path):
     """The time to read one of many parts grew with their square: 20,000 take minutes."""
     (tmp_path / "a.toml").write_text(NAMES[name])
-    began = time.process_time()
     with pytest.raises(FileFormatError, match="more than 32 parts"):
         vg.Scene.from_toml(tmp_path / "a.toml")
-    assert time.process_time() - began < 30
 
 
 def test_scenes_may_have_long_lists_and_rows_of_points(tmp_path):
