@@ -111,7 +111,7 @@ class Ends:
 FRICTIONS, RATIOS, THIN = (0.0, 0.1, 0.3, 0.5, 1.0), (1.0, 1.5, 2.5), 0.2
 #: frictions of specimens by their number of grains
 COUNTS = {70: FRICTIONS, 300: (0.1, 0.3, 0.5, 1.0), 1000: (0.3, 0.5)}
-#: gaps, in diameters, up to which the contacts of a specimen that yields count: the first with which it bears any stress
+#: gaps, in diameters, up to which contacts of a specimen that yields count: the first with which it bears any stress
 REACHES = (TOUCHING, 3e-3, 1e-2)
 #: grains from which on specimens are compressed in periodic cells only
 MANY = 300
