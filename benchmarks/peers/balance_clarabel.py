@@ -4,7 +4,9 @@ The input has contacts: i, j (m,), j -1 at a wall, normal (m, 3) from i to j, ar
 the points of contact, branch (m, 3) and friction (one); n grains with a radius (n,); and the virial (3,) along the
 axes, which is met to 1 %. The sum over the grains of what the largest component of net force, and of torque over the
 radius, exceeds 0.01 mean normal forces by is made least by Clarabel. The output has this component for each grain.
-Prints the CPU seconds.
+It also has the limit of the virial (limit analysis): of what the virial is beyond its least component along all axes,
+the largest part with which forces balance all grains to 0.01 mean normal forces; infinite of an isotropic virial, and
+minus infinity where no forces balance the grains with any part. Prints the CPU seconds.
 """
 
 import sys
@@ -61,11 +63,27 @@ within = np.concatenate([(1 + ALLOWED) * virial, (ALLOWED - 1) * virial]) / mean
 right = np.concatenate([within, np.full(12 * n, ALLOWED), np.zeros(3 * m + n)])
 settings = clarabel.DefaultSettings()
 settings.verbose = False
-cost = np.concatenate([np.zeros(3 * m), np.ones(n)])
-cones = [clarabel.NonnegativeConeT(2 * len(axes) + 12 * n), *cones, clarabel.NonnegativeConeT(n)]
-found = clarabel.DefaultSolver(sparse.csc_matrix((3 * m + n,) * 2), cost, matrix, right, cones, settings).solve()
-solved = str(found.status) in ("Solved", "AlmostSolved")
-x = np.array(found.x)
-left = np.abs((balance @ x).reshape(n, 6)).max(axis=1) if solved else np.ones(n)
-np.savez(sys.argv[2], left=left)
+lower = clarabel.NonnegativeConeT(2 * len(axes) + 12 * n)
+
+
+def solved(cost, matrix, right, cones):
+    """Return the optimum of a program, or None where there is none."""
+    square = sparse.csc_matrix((len(cost),) * 2)
+    found = clarabel.DefaultSolver(square, cost, matrix.tocsc(), right, cones, settings).solve()
+    return np.array(found.x) if str(found.status) in ("Solved", "AlmostSolved") else None
+
+
+x = solved(np.repeat([0.0, 1.0], [3 * m, n]), matrix, right, [lower, *cones, clarabel.NonnegativeConeT(n)])
+left = np.ones(n) if x is None else np.abs((balance @ x).reshape(n, 6)).max(axis=1)
+part = virial - virial.min()
+limit = np.inf
+if part.any():
+    more = np.concatenate([-part, part])[:, None] / mean
+    free = sparse.vstack([sparse.csc_matrix(more), sparse.csc_matrix((12 * n + 3 * m, 1))])
+    forces = sparse.hstack([matrix[: 2 * len(axes) + 12 * n + 3 * m, : 3 * m], free])
+    within = np.concatenate([(1 + ALLOWED) * virial - part, (ALLOWED - 1) * virial + part]) / mean
+    bounds = np.concatenate([within, right[2 * len(axes) : len(right) - n]])
+    y = solved(np.append(np.zeros(3 * m), -1.0), forces, bounds, [lower, *cones])
+    limit = -np.inf if y is None else y[-1]
+np.savez(sys.argv[2], left=left, limit=limit)
 sys.stdout.write(f"{time.process_time() - began}\n")

@@ -55,12 +55,13 @@ def test_a_peer_returns_the_box_that_it_has_compressed(tmp_path):
 @pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch, rows):
     monkeypatch.setattr(compression, "measure", lambda: rows)
-    begun, ended = compression.starts(count=40, seeds=2), compression.ends((30,), (0.5,), (1.0,))
+    begun, ended = compression.starts(count=40, seeds=2), compression.ends({30: (0.5,)}, (0.5,), (1.0,))
     assert [row.solid_fraction > 0.5 and row.seeds == 2 for row in begun] == [True] * len(compression.STARTS)
     for row in ended:
         # a cell, and a box with walls
         assert row.compressed + row.yielded + row.steps == row.runs == 2
         assert row.confirmed == "" or row.confirmed <= row.compressed
+        assert row.beyond_limit == "" or row.beyond_limit <= row.yielded
     monkeypatch.setattr(compression, "starts", lambda: begun)
     monkeypatch.setattr(compression, "ends", lambda: ended)
     files = compression.run(tmp_path)

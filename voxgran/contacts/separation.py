@@ -34,7 +34,7 @@ def _core_distance(one, other, erosion, offset, simplex):  # type: ignore[no-unt
     """Return the distance of `one`, eroded, from `other`, whose center lies at `offset`; 0 if the solids intersect."""
     start = offset if offset != (0.0, 0.0, 0.0) else (-1.0, 0.0, 0.0)
     distance = search_distance(
-        _support_eroded, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex, 0
+        _support_eroded, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, True, simplex, 0
     )
     size = 0.0
     for k in range(4):

@@ -55,7 +55,7 @@ def new_simplex() -> Simplex:
 @inlined_kernel
 def search_distance(
     support: Kernel, one: Any, two: Any, offset: Vector, start: Vector, limit: float,
-    accuracy: Accuracy, closely: object, simplex: Simplex, known: int,
+    accuracy: Accuracy, closely: bool, simplex: Simplex, known: int,
 ) -> float:  # fmt: skip
     """Return the distance of two convex bodies, of which the second lies at an offset; the search begins along `start`.
 
@@ -64,6 +64,7 @@ def search_distance(
 
     support: function of a body, the number of a corner of it and a direction; it returns the point of the
     body that is farthest along the direction, and the number of a corner near it.
+    closely: whether rounding may hide the nearest point of a simplex, as it does of long bodies with round sides.
     known: number of corners of the simplex, 0 to 3, with which the search begins.
     """
     corner, mine, near, which = simplex.corner, simplex.mine, simplex.near, simplex.which
@@ -82,7 +83,7 @@ def search_distance(
                 return along / math.sqrt(square)
             if now < 1e300 and now - along <= accuracy.close * math.sqrt(now) + accuracy.relative * now:
                 break
-            if closely is None:
+            if not closely:
                 for q in range(count):
                     stalled |= corner[q, 0] == wx and corner[q, 1] == wy and corner[q, 2] == wz
             if not stalled:
@@ -110,7 +111,7 @@ def search_distance(
                 break
             restarts += 1
             count, now = 0, 1e300
-            if closely is None:
+            if not closely:
                 vx, vy, vz = near[0], near[1], near[2]
         best = min(best, now)
     return math.sqrt(best)
@@ -186,7 +187,7 @@ def _weigh_face(corner, i, j, k, weight, closely):  # type: ignore[no-untyped-de
     """
     a, b, c = row_of(corner, i), row_of(corner, j), row_of(corner, k)
     u, v = sub(b, a), sub(c, a)
-    if closely is not None:
+    if closely:
         _weigh_closely(corner, i, j, k, weight)
         return
     ua, va, ub, vb, uc, vc = -dot(u, a), -dot(v, a), -dot(u, b), -dot(v, b), -dot(u, c), -dot(v, c)
@@ -245,7 +246,7 @@ def _weigh_tetrahedron(corner, weight, closely):  # type: ignore[no-untyped-def]
         inner, origin = dot(normal, w), -dot(normal, a)
         if inner * origin > 0.0:
             # a face whose side is uncertain due to rounding is examined, too
-            error = NOISE * math.sqrt(dot(u, u) * dot(v, v)) if closely is not None else 0.0
+            error = NOISE * math.sqrt(dot(u, u) * dot(v, v)) if closely else 0.0
             if abs(inner) > error * math.sqrt(dot(w, w)) and abs(origin) > error * math.sqrt(dot(a, a)):
                 continue
         _weigh_face(corner, i, j, k, weight, closely)

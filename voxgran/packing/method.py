@@ -300,17 +300,9 @@ def packing_methods() -> tuple[str, ...]:
     return method_registry().names()
 
 
-def packing_memory(method: PackingMethod, problem: Problem) -> int:
-    """Return the estimated peak memory of a packing in bytes, with the libraries.
-
-    Raises
-    ------
-    InputError
-        If the lattice of the method does not fit the container.
-    TooLargeError
-        If the lattice has more voxels than the method can hold.
-    """
-    return PACKING_BYTES + method.cost(problem).memory
+def packing_memory(cost: Cost) -> int:
+    """Return the estimated peak memory of a packing of a cost in bytes, with the libraries."""
+    return PACKING_BYTES + cost.memory
 
 
 def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
@@ -407,14 +399,15 @@ def check_cost(method: PackingMethod, problem: Problem) -> None:
     LongRunWarning
         If the packing is expected to take more than half a minute by its defaults.
     """
-    check_memory(method, packing_memory(method, problem), "the packing")
-    if text := long_run(method, problem):
+    cost = method.cost(problem)
+    check_memory(method, packing_memory(cost), "the packing")
+    if text := long_run(method, problem, cost.seconds):
         warn(text, LongRunWarning)
 
 
-def long_run(method: PackingMethod, problem: Problem, seconds: float | None = None) -> str:
+def long_run(method: PackingMethod, problem: Problem, seconds: float) -> str:
     """Return that a packing takes long, though no voxel size is given, and what shortens it; empty if it does not."""
-    seconds, settings = method.cost(problem).seconds if seconds is None else seconds, problem.parameters
+    settings = problem.parameters
     if seconds <= LONG_RUN or getattr(settings, "voxel_size", None) is not None:
         return ""
     remedy = "a lower solid fraction, fewer or larger grains, or shapes of fewer faces"

@@ -167,7 +167,7 @@ def make_plan(scene: SceneDescription) -> Plan:
     task = task_of(scene, stand_ins(scene))
     cost, bed, free = task.method.cost(task.problem), expected_bed(task.problem), task.problem.apart
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
-    memory = max(packing_memory(task.method, task.problem), finishing)
+    memory = max(packing_memory(cost), finishing)
     check_memory(task.method, memory, "the scene")
     many = grains_of(task, cost)
     seconds, least, most = (scene.general.seeds * one for one in expected_seconds(steps_of(scene, task, cost)))
@@ -187,7 +187,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         notes=_notes(scene, task, bed),
         seconds=seconds,
         seconds_range=(least, most),
-        slow=long_run(task.method, task.problem),
+        slow=long_run(task.method, task.problem, cost.seconds),
         sizes=_size_plan(scene, task),
     )
 

@@ -416,19 +416,18 @@ def test_pictures_show_fixed_grains_in_grey():
     assert not found.same
 
 
-@pytest.mark.slow
-def test_grains_jam_around_an_obstacle_as_densely_as_without_it():
+@pytest.mark.parametrize("seed", [0, slow(1), slow(2)])
+def test_grains_jam_around_an_obstacle_as_densely_as_without_it(seed):
     cell = vg.Box((8, 8, 8), periodic="xyz")
     insert = vg.Packing.of(vg.shapes.sphere(diameter=3.0), cell, position=[(0, 0, 0)])
-    # of seeds 0 and 2 the last growth fails while the gaps of contacts are several times as long as it
-    for seed in range(3):
-        jammed = vg.pack(SPHERE, cell, "jam", count=400, obstacles=insert, seed=seed)
-        check(jammed, insert)
-        # a layer at the obstacle is looser
-        assert jammed.solid_fraction == pytest.approx(0.63, abs=0.02)
-        told = jammed.provenance["compression"]
-        assert told["coordination_without_rattlers"] == pytest.approx(told["isostatic"], abs=0.3)
-        assert told["rattlers"] < 0.1
+    # of seeds 0 and 2 the last growth failed while the gaps of contacts are several times as long as it
+    jammed = vg.pack(SPHERE, cell, "jam", count=400, obstacles=insert, seed=seed)
+    check(jammed, insert)
+    # a layer at the obstacle is looser
+    assert jammed.solid_fraction == pytest.approx(0.63, abs=0.02)
+    told = jammed.provenance["compression"]
+    assert told["coordination_without_rattlers"] == pytest.approx(told["isostatic"], abs=0.3)
+    assert told["rattlers"] < 0.1
 
 
 @pytest.mark.slow

@@ -324,3 +324,40 @@ def test_slender_grains_at_rest_are_known_to_rest_without_their_forces(rod, seed
     found = vg.equilibrium(replace(bed, forces=None), friction=0.5)
     assert found.attrs["share_at_rest"] >= bed.provenance["settling"]["resting"] - 1e-12
     assert found.attrs["share_undecided"] == 0.0
+
+
+def crossed(aspect, gap, seed, pairs=200):
+    """Return pairs of cylinders of diameter 1 whose axes cross with a gap, at most at 0.45 of their lengths."""
+    generator, place, axis = np.random.default_rng(seed), [], []
+    for k in range(pairs):
+        one = generator.normal(size=3)
+        # many are nearly parallel
+        other = one / np.linalg.norm(one) + 10.0 ** generator.uniform(-3, 0) * generator.normal(size=3)
+        both = [way / np.linalg.norm(way) for way in (one, other)]
+        away = np.cross(*both)
+        away *= (1.0 + gap) / np.linalg.norm(away)
+        corner = 3.0 * aspect * np.array([k % 20, k // 20, 0.0])
+        place += [
+            corner + end + aspect * generator.uniform(-0.45, 0.45) * way
+            for end, way in zip((0.0, away), both, strict=True)
+        ]
+        axis += both
+    place, axis = np.array(place), np.array(axis)
+    half = np.column_stack([1.0 + axis[:, 2], -axis[:, 1], axis[:, 0], np.zeros(2 * pairs)])
+    shape, reach = vg.make_shape("cylinder", radius=0.5, height=aspect), 2.0 * aspect
+    return vg.Packing.of(
+        shape, vg.Box(np.ptp(place, axis=0) + 2.0 * reach, origin=place.min(axis=0) - reach), position=place,
+        orientation=half / np.linalg.norm(half, axis=1)[:, None], gravity=(0.0, 0.0, -1.0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("aspect", [5.0, 20.0, 60.0])
+def test_slender_cylinders_that_nearly_touch_do_not_overlap(aspect, seed):
+    """One of ten was once found to overlap, by up to its length, so that no forces of a bed at rest balanced it."""
+    pairs = crossed(aspect, 1e-3, seed)
+    found = vg.equilibrium(pairs, gap=2e-3 / pairs.median_diameter)
+    i, j, gap = (found[name].values for name in ("contact_i", "contact_j", "gap"))
+    least = np.full(pairs.count // 2, np.inf)
+    np.minimum.at(least, np.minimum(i, j) // 2, gap)
+    assert least == pytest.approx(np.full(len(least), 1e-3), rel=1e-3)

@@ -367,9 +367,14 @@ def across(direction: ArrayLike) -> Floats:
     one = np.asarray(direction, dtype=np.float64)
     if len(one) == 2:
         return np.array([[-one[1], one[0]]])
-    first = np.cross(np.eye(3)[np.abs(one).argmin()], one)
+    k = int(np.abs(one).argmin())
+    p, q = (k + 1) % 3, (k + 2) % 3
+    found = first, second = np.zeros((2, 3))
+    # products of vectors of which one component is 0
+    first[p], first[q] = -one[q], one[p]
     first /= norm(first)
-    return np.stack([np.cross(one, first), -first])[::-1] * [[-1.0], [1.0]]
+    second[k], second[p], second[q] = one[p] * first[q] - one[q] * first[p], -one[k] * first[q], one[k] * first[p]
+    return found
 
 
 def nearest_rotations(matrices: ArrayLike) -> Floats:

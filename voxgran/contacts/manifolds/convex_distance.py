@@ -100,8 +100,16 @@ def distance_along(
     simplex: Simplex,
 ) -> float:  # fmt: skip
     """Return the distance of the cores of two parts, as :func:`voxgran.geometry.gjk.search_distance` does."""
-    accuracy = Accuracy(close, ROUNDING, MOST_STEPS, RESTARTS)
-    return search_distance(core_support, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex, 0)
+    accuracy, smooth = Accuracy(close, ROUNDING, MOST_STEPS, RESTARTS), _is_smooth(one) or _is_smooth(two)
+    return search_distance(
+        core_support, (tables, one), (tables, two), offset, start, limit, accuracy, smooth, simplex, 0
+    )
+
+
+@inlined_kernel
+def _is_smooth(part):  # type: ignore[no-untyped-def]
+    """Return whether the core of a part has round sides: of long ones, rounding hides points near each other."""
+    return part[0] != 0 and part[0] != 2
 
 
 @bare_kernel
@@ -121,7 +129,7 @@ def part_gap(
     near[3], near[4], near[5] = times(normal, high - one[5])
     if gap > limit:
         return gap, normal
-    exact = True
+    exact, smooth = True, _is_smooth(one) or _is_smooth(two)
     for _ in range(MOST_ROUNDS):
         core = gap + radii
         direct = exact and core > DIRECT * thick
@@ -130,7 +138,7 @@ def part_gap(
         known = _recall(tables[0], one, two, place, corners, work.simplex)
         accuracy = Accuracy(CLOSE * thick, ROUNDING, MOST_STEPS, RESTARTS)
         distance = search_distance(
-            core_support, (tables, one), (tables, two), place, normal, far, accuracy, None, work.simplex, known
+            core_support, (tables, one), (tables, two), place, normal, far, accuracy, smooth, work.simplex, known
         )
         _remember(work.simplex.which, one, two, corners)
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)

@@ -40,6 +40,8 @@ AT_WALLS, AT_SURFACE = 0.12, 0.17
 ROOM, SHARE = 0.8, 0.16
 #: shares of the width of a narrow column by which spheres at rest alternate: at the most, and certainly
 ALTERNATING, SURE = 0.9, 0.7
+#: diameters of the largest grains from the walls to the farthest point, from which on a container is no narrow column
+WIDE = 1.5
 #: distance of grains that stand on a square lattice in a thin layer, in diameters; from seeds they find room for more
 LATTICE = 1.05
 #: gap of grains at rest, in their diameters, and rounding of distances from walls
@@ -122,6 +124,8 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     least = float(problem.diameter.min())
     bounding = problem.bounding_radii
     largest = (1.0 + APART) * 2.0 * float(bounding.max())
+    if room.max() > WIDE * largest:
+        return count
     spheres, lowest = all(shape.is_sphere for shape in problem.shapes), container_levels(container, up)[0]
 
     def held(places: Floats) -> Booleans:

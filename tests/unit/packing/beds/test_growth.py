@@ -424,3 +424,20 @@ def test_beds_below_a_sloping_roof_rest_without_being_asked_for_fewer_grains():
     assert bed.verify().ok
     assert bed.gravity == (0.0, -1.0, 0.0)
     assert 0.6 < bed.solid_fraction < 0.7
+
+
+class CountedBox(vg.Box):
+    """A box that counts the points whose distance it is asked for."""
+
+    asked = 0
+
+    def signed_distance(self, points):
+        CountedBox.asked += len(points)
+        return super().signed_distance(points)
+
+
+def test_the_room_for_grains_is_measured_once_for_the_cost_and_once_for_the_bed():
+    """Once takes some 16 points for each of the 20,000 of a sample."""
+    CountedBox.asked = 0
+    vg.pack(SPHERE, CountedBox((6, 6, 12)), "gravity", count=50)
+    assert CountedBox.asked < 2.5 * 16 * 20_000
