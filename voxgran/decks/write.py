@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any, Literal
@@ -31,6 +32,8 @@ from voxgran.shapes.spheres import Spheres
 
 #: spheres of a clump where no number is given
 USUAL_SPHERES = 20
+#: clumps of shapes that are kept, since further decks of a packing have the same
+KEPT_CLUMPS = 64
 #: stress beyond that of any solid, Pa
 LARGEST = 1e15
 #: what a grain that is no sphere may be asked to be
@@ -374,8 +377,14 @@ def _held(packing: Packing, engine: Engine, clump: Any, grains: Any) -> tuple[Pa
 
 def _with_some_clumps(packing: Packing, fitted: list[int], count: int) -> Packing:
     """Return the packing with clumps in place of some of its shapes."""
-    clumps = [fit_clump(shape, max_spheres=count) if k in fitted else None for k, shape in enumerate(packing.shapes)]
+    clumps = [_clump_of(shape, count) if k in fitted else None for k, shape in enumerate(packing.shapes)]
     return packing.with_clumps(clumps)
+
+
+@lru_cache(maxsize=KEPT_CLUMPS)
+def _clump_of(shape: Shape, count: int) -> Clump:
+    """Return the clump of a shape, which several decks of a packing have."""
+    return fit_clump(shape, max_spheres=count)
 
 
 def _is_clump(shape: Shape) -> bool:

@@ -155,3 +155,8 @@ def test_a_grain_that_fills_its_container_is_all_that_fills_it():
     turn = np.array([[1.0, 0.3, 0.0, 0.0]]) / np.sqrt(1.09)
     with pytest.warns(PackingWarning, match="0 of 1 grains"):
         assert not vg.pack(cube, box, "rsa", count=1, orientations=turn, tries=100).count
+
+
+def test_a_sphere_between_all_walls_leaves_room_for_others_in_the_corners():
+    spheres = {"diameter": [2.0, 0.2, 0.2]}
+    assert vg.pack(grains=spheres, container=vg.Box((2, 2, 2)), method="rsa").count == 3

@@ -260,6 +260,13 @@ def test_solids_that_share_a_face_in_single_precision_are_one(seed):
     assert "joined 2 solids that touch face to face, by manifold3d" in found.sentences
 
 
+@pytest.mark.parametrize("gap", [3e-7, -3e-7])
+def test_a_slit_of_rounding_between_two_faces_is_closed(gap):
+    found = repair(*both(box(), box(edge=0.5, at=(0.75 + gap, 0.0, 0.0))), bodies="all")
+    assert [shape.volume for shape in found.shapes] == pytest.approx([1.125], rel=2e-5)
+    assert len(repair(*both(box(), box(edge=0.5, at=(0.7501, 0.0, 0.0))), bodies="all").shapes) == 2
+
+
 def test_a_ring_of_bricks_and_a_wall_in_two_rows_are_one_body_each():
     """Many faces at once; in a ring the last solid closes it."""
     ring = [

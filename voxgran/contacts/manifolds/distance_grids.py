@@ -9,6 +9,7 @@ added as a skin, so that exact tests never overestimate their gaps.
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,6 +94,12 @@ def surface_bodies(shapes: Sequence[Shape], *, cells: int = CELLS, spacing: floa
     Stopped
         If a stop of the run was requested.
     """
+    return _tables(tuple(shapes), cells, spacing)
+
+
+@lru_cache(maxsize=1)
+def _tables(shapes: tuple[Shape, ...], cells: int, spacing: float) -> SurfaceBodies:
+    """Return the tables of shapes, which beds that are made again and again, as in a search, have in common."""
     parts: list[tuple[NDArray[Any], ...]] = []
     for shape in shapes:
         stop_if_asked()

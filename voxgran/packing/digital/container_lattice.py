@@ -88,8 +88,10 @@ def _sizes_of_column(problem: Problem, size: float) -> list[float]:
 
 def _in_column(problem: Problem, room: Floats, edges: Floats) -> int:
     """Return how many grains of sorted edges lie one above the other in a container where no two lie side by side."""
+    if edges[0] <= 0.0:
+        return 1
     many = np.floor(room / edges + WHOLE)
-    return int(min(many[-1], problem.count)) if (many[:-1] == 1.0).all() and edges[-1] > 0.0 else 1
+    return int(min(many[-1], problem.count)) if (many[:-1] == 1.0).all() else 1
 
 
 def _room_between_walls(problem: Problem) -> Floats:

@@ -21,7 +21,13 @@ SHARED = 1e-4
 
 
 def joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, Integers]:
-    """Join shells that overlap, or that lie in others and point outward; those that touch stay apart."""
+    """Join shells that overlap, or that lie in others and point outward; those that touch stay apart.
+
+    Raises
+    ------
+    DirtyMeshError
+        If some overlap beside cavities.
+    """
     shells = shells_of(points, faces)
     inner = (shells.volume > 0) & (shells.level % 2 == 1)
     # faces of one shell that cross have been cut out
