@@ -100,7 +100,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             if completing and flags[0] in ("file", "-o"):
                 added.complete = load("shtab").FILE  # type: ignore[attr-defined]
         if name == "bench" and named[:1] == ["bench"]:
-            sub.epilog = f"trade-offs:\n  {', '.join(_trade_offs())}\n\n{sub.epilog}"
+            names = import_module(f"{__package__}.parameters").trade_off_names()
+            sub.epilog = f"trade-offs:\n  {', '.join(names)}\n\n{sub.epilog}"
         if name in WITH_PARAMETERS:
             import_module(f"{__package__}.parameters").add_parameters(sub, name, words)
         sub.add_argument("--json", action="store_true", help="print JSON")
@@ -172,13 +173,6 @@ def name_flags(sentence: str, options: argparse.Namespace) -> str:
                 f"{flag} is None", f"{flag} is missing"
             )
     return sentence
-
-
-def _trade_offs() -> Sequence[str]:
-    """Return the names of all trade-offs."""
-    from voxgran.bench.model import trade_offs
-
-    return trade_offs().names()
 
 
 #: an example of each command, shown at the end of its help

@@ -43,7 +43,7 @@ from voxgran._base.files import is_private
 log = logging.getLogger(__name__)
 
 #: number of the way in which kernels are compiled and linked; kernels of other ways are compiled again
-LAYOUT = 4
+LAYOUT = 5
 VERSIONS = (
     f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__} "
     # whether code calls Intel's vector functions, which another machine may lack
