@@ -86,7 +86,7 @@ RANDOM = {"seed", "RandomState", "default_rng"}
 #: PyVista imports this file, after itself, by its entry point; voxgran never does
 PLUGIN = "io/pyvista_accessor.py"
 #: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
-COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
+COMPILER = {f"_base/compiling/{name}.py" for name in ("kernel_files", "linking", "lowering")}
 #: pickles of our own: compiled kernels in the cache of the user, and requests between the processes of a test
 PICKLES = {"_base/compiling/kernel_files.py", "testing/kill.py", "testing/packing_methods.py"}
 #: modules that run, or restore, what a file holds

@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Write the stubs that follow from the parameter classes: ``stubs.py [--check]``.
 
-They are `voxgran/typed_calls.pyi` (functions that take a name with keywords) and `voxgran/shapes/__init__.pyi` (one
-function for each family). With ``--check`` nothing is written, and the status is 1 if one of them is not up to date.
+They are `voxgran/typed_calls.pyi` (functions that take a name with keywords), `voxgran/shapes/__init__.pyi` (one
+function for each family) and `voxgran/cli/parameter_flags.json` (flags of commands that take parameters). With
+``--check`` nothing is written, and the status is 1 if one of them is not up to date.
 """
 
 import argparse
 import ast
 import inspect
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -16,6 +18,7 @@ from typing import Any
 
 import voxgran
 from voxgran._base.config import parameters_of
+from voxgran.cli.parameters import flag_table
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
@@ -213,6 +216,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true")
     given, written = parser.parse_args(), {"typed_calls.pyi": calls_stub(), "shapes/__init__.pyi": shapes_stub()}
+    written["cli/parameter_flags.json"] = json.dumps(flag_table(), indent=0) + "\n"
     old = [name for name, text in written.items() if (PACKAGE / name).read_text(encoding="utf-8") != text]
     if given.check:
         sys.exit(f"{', '.join(old)}: not up to date; run 'make stubs'" if old else 0)

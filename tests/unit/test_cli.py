@@ -719,6 +719,21 @@ def test_the_prompt_loads_what_it_shows(words, most):
     assert len(own) <= most, own
 
 
+def test_no_help_loads_numpy():
+    """Nor any class whose parameters it shows: their texts stand in a table, which `make stubs` compares."""
+    program = (
+        "import contextlib, sys\nfrom voxgran.cli import main\nfrom voxgran.cli.commands import COMMANDS\n"
+        "lines = [[name] for name in COMMANDS] + [['shape', 'solid_union'], ['clump', '--method', 'cluster']]\n"
+        "for words in lines:\n"
+        "    with contextlib.suppress(SystemExit):\n        main([*words, '--help'])\n"
+        "    print(*words, sorted({'numpy', 'numba', 'scipy'} & sys.modules.keys()), file=sys.stderr)"
+    )
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert [line for line in told.stderr.splitlines() if not line.endswith(" []")] == []
+    assert "--friction" in told.stdout
+    assert "--target" in told.stdout
+
+
 def test_choices_of_flags_are_those_of_the_package():
     assert typing.get_args(ColorBy) == flags.COLORS
     assert flags.KINDS == KINDS

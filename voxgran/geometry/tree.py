@@ -203,7 +203,9 @@ def _sum_normals(corners, faces, ends, of_corners, found):  # type: ignore[no-un
                 of_corners[faces[t, k], axis] += angle * normal[axis]
     for t in range(len(faces)):
         for k in range(3):
-            found[t, 1 + k], found[t, 4 + k] = of_edges[edge[t, k]], of_corners[faces[t, k]]
+            for axis in range(3):
+                found[t, 1 + k, axis] = of_edges[edge[t, k], axis]
+                found[t, 4 + k, axis] = of_corners[faces[t, k], axis]
 
 
 @kernel

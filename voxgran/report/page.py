@@ -12,8 +12,9 @@ import dataclasses
 import io
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,18 @@ class Drawn:
 
     packing: dict[str, tuple[Picture, str, str]]
     grains: dict[str, dict[str, tuple[Picture, str, str]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a page shows beside numbers: what gives its pictures (None: none), which another process may draw meanwhile;
+    the rest by the names of `save_report`.
+    """
+
+    drawn: Callable[[], Drawn] | None
+    color_by: str = "diameter"
+    turntable: bool = False
+    interactive: bool = True
 
 
 @explained(hint='save_report(packing, "page.html")')
@@ -132,32 +145,59 @@ def save_report(
     >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
     >>> vg.save_report(bed, "page.html", verification=vg.verify(bed), pictures=False)
     """
+    write_page(
+        packing,
+        path,
+        Shown(partial(draw_pictures, packing, color_by) if pictures else None, color_by, turntable, interactive),
+        statistics=statistics,
+        verification=verification,
+        pictures_folder=pictures_folder,
+        title=title,
+        comparisons=comparisons,
+        overwrite=overwrite,
+    )
+
+
+def write_page(
+    packing: Packing,
+    path: str | os.PathLike[str],
+    shown: Shown,
+    *,
+    statistics: "DataTree | None",
+    verification: "Verification | None",
+    pictures_folder: str | os.PathLike[str] | None,
+    title: str | None,
+    comparisons: Mapping[str, Mapping[str, Any]] | None,
+    overwrite: bool,
+) -> None:
+    """Write what `save_report` does; the pictures are asked for when all else is there."""
+    drawn, color_by = shown.drawn, shown.color_by
     check_packing(packing, "packing")
     twin = check_page_path(path, overwrite=overwrite)
     colors = coloring(packing, color_by)
-    drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
-    files: dict[Path, Any] = {**_picture_files(drawn, Path(pictures_folder))} if pictures_folder is not None else {}
-    if not overwrite:
-        refuse_to_replace(*files)
     figures = figures_of(packing, statistics)
     headline, made = facts.headline(packing, statistics, verification), facts.details(packing)
     sieves, shapes = facts.sieve_rows(packing), facts.shape_rows(packing)
     proof = facts.proof_rows(verification) if verification is not None else []
     compared = _comparison(comparisons or {})
-    told = {"numbers": headline, "verification": proof, "making": made}
+    view = views_of({"": packing}, color_by) if shown.interactive and drawn else None
+    pictures = drawn() if drawn is not None else Drawn({}, {})
+    files: dict[Path, Any] = {**_picture_files(pictures, Path(pictures_folder))} if pictures_folder is not None else {}
+    if not overwrite:
+        refuse_to_replace(*files)
     text = page_template("template.html.j2").render(
         version=__version__,
         title=title or f"Packing of {packing.count} grains",
         subtitle=_subtitle(packing),
         headline=headline,
-        views=[view_of(*parts) for parts in drawn.packing.values()]
-        + (_turning(packing, color_by) if turntable else []),
-        view=views_of({"": packing}, color_by) if interactive and pictures else None,
+        views=[view_of(*parts) for parts in pictures.packing.values()]
+        + (_turning(packing, color_by) if shown.turntable else []),
+        view=view,
         legend=_legend(colors),
         legend_label=colors.title if colors.entries else colors.label,
-        swatches=swatches(colors) if pictures else [],
-        gradient=", ".join(gradient()) if pictures else "gray, gray",
-        grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in drawn.grains.items()],
+        swatches=swatches(colors) if drawn else [],
+        gradient=", ".join(gradient()) if drawn else "gray, gray",
+        grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in pictures.grains.items()],
         grains_note=_grains_note(packing),
         figures=figures,
         proof=proof,
@@ -171,6 +211,7 @@ def save_report(
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
+    told = {"numbers": headline, "verification": proof, "making": made}
     tables: dict[str, Any] = {name: [(one.label, one.value, one.note) for one in rows] for name, rows in told.items()}
     told_of = {"sizes": [SIZES, *sieves] if sieves else [], "shapes": [SHAPES, *shapes] if shapes else []}
     tables |= {**told_of, "comparison": compared}
@@ -205,7 +246,7 @@ def page_template(name: str) -> Any:
     ).get_template(name)
 
 
-def _draw(packing: Packing, color_by: str) -> Drawn:
+def draw_pictures(packing: Packing, color_by: str = "diameter") -> Drawn:
     """Render all pictures."""
     plural = "grain" if packing.count == 1 else "grains"
     what = f"{packing.count} {plural} in {with_article(packing.container.kind)}"

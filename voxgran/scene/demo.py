@@ -23,7 +23,7 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.report.page import save_report
+from voxgran.report.page import Shown, draw_pictures, write_page
 from voxgran.scene.processes import Process, compute, start
 from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape
@@ -95,17 +95,20 @@ def _run_in(
         other.connection.send(partial(packed, "control_point", grains))
         first = keep(packed("digital", grains, on_step), "")
         keep(other.receive(), "_control_point")
-    save_scene(first.packing, target / "scene.vtm", overwrite=True)
-    save_report(
-        first.packing,
-        target / "report.html",
-        statistics=first.statistics,
-        verification=first.proof,
-        comparisons={str(row["method"]): row for row in rows},
-        pictures_folder=target,
-        title="Scanned rocks and random solids in a box",
-        overwrite=True,
-    )
+        # it draws while this process computes what else the page shows
+        other.connection.send(partial(draw_pictures, first.packing))
+        save_scene(first.packing, target / "scene.vtm", overwrite=True)
+        write_page(
+            first.packing,
+            target / "report.html",
+            Shown(other.receive),
+            statistics=first.statistics,
+            verification=first.proof,
+            pictures_folder=target,
+            title="Scanned rocks and random solids in a box",
+            comparisons={str(row["method"]): row for row in rows},
+            overwrite=True,
+        )
     return rows
 
 

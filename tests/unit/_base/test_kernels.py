@@ -222,6 +222,68 @@ def test_a_kernel_is_compiled_once_per_machine(tmp_path):
     assert set(files) == {path.name for path in (tmp_path / "kernels").iterdir()}
 
 
+def test_a_kernel_that_is_kept_loads_nothing_that_only_a_compilation_needs(tmp_path):
+    """It makes an array, and the second process neither compiles it nor imports the functions that numba knows."""
+    code = (
+        "import sys\nimport numpy as np\nfrom tests.unit._base.test_kernels import _reversed_doubles\n"
+        "print(_reversed_doubles(np.arange(3.0)), 'numba.np.arraymath' in sys.modules)"
+    )
+    environment = {**os.environ, "VOXGRAN_CACHE": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    words = {"capture_output": True, "text": True, "check": True, "env": environment}
+    first, second = (subprocess.run([sys.executable, "-c", code], **words).stdout.split("]") for _ in range(2))
+    assert first[0] == second[0]
+    assert first[1].split() == ["True"]
+    assert second[1].split() == ["False"]
+
+
+@kernel
+def _winding(values, most):
+    """Variables of loops, branches and turns that end early, one of which is assigned on some paths only."""
+    total, found = 0.0, np.zeros(len(values))
+    for i in range(len(values)):
+        row = values[i]
+        if row < 0.0:
+            sign, size = -1.0, -row
+        elif row > most:
+            break
+        else:
+            sign, size = 1.0, row
+        for k in range(3):
+            part = (size * k, sign)
+            if part[0] > most:
+                part = (most, part[1])
+                total += part[0]
+                continue
+            for step in range(k):
+                last = part[0] + step
+                total += last * part[1]
+        if size > 1.0 and (sign > 0.0 or size > 2.0):
+            extra = size + i
+            for k in range(2):
+                if found[k % len(found)] > extra:
+                    break
+                total += k
+        while size > 1.0:
+            half = 0.5 * size
+            size = half
+            if half < 0.25:
+                return total, found
+        if row > 1.0:
+            # this branch was taken above, too, which the compiler does not know
+            total += extra
+        found[i] = size * sign + total
+    return total, found
+
+
+@pytest.mark.parametrize("values", [[], [0.5, -3.0, 2.0], [9.0], [-0.1, 4.0, 9.0, 1.0]], ids=str)
+def test_variables_have_the_values_of_plain_functions_on_every_path(values):
+    given = np.array(values, dtype=np.float64)
+    total, found = _winding(given, 5.0)
+    expected, others = _winding.plain(given, 5.0)
+    assert total == expected
+    assert found.tolist() == others.tolist()
+
+
 @pytest.mark.parametrize(
     ("uid", "mode", "private"),
     [(0, 0o700, True), (0, 0o755, True), (1, 0o700, False), (0, 0o720, False), (0, 0o702, False)],

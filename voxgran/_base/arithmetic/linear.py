@@ -62,7 +62,7 @@ def _products(a: Floats, b: Floats) -> Floats:
         return _products(a.reshape(math.prod(a.shape[:-1]), k), b).reshape(*a.shape[:-1], m)
     if a.ndim == 2 and b.ndim == 2 and k and numba_is_loaded():
         out = np.empty((1, len(a), m))
-        _multiply(np.ascontiguousarray(a)[None], np.ascontiguousarray(b)[None], out)
+        _multiply(_own(a)[None], _own(b)[None], out)
         return out[0]
     stack = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
     shape = (*stack, a.shape[-2], m)
@@ -82,7 +82,12 @@ def _stacked(matrices: Floats, stack: tuple[int, ...]) -> Floats:
     """Return matrices as one stack (n, p, q), or a stack of one for all."""
     if math.prod(matrices.shape[:-2]) != 1:
         matrices = np.broadcast_to(matrices, (*stack, *matrices.shape[-2:]))
-    return np.ascontiguousarray(matrices.reshape(math.prod(matrices.shape[:-2]), *matrices.shape[-2:]))
+    return _own(matrices.reshape(math.prod(matrices.shape[:-2]), *matrices.shape[-2:]))
+
+
+def _own(matrices: Floats) -> Floats:
+    """Return matrices in rows that may be written: a kernel is compiled again for those that may not."""
+    return np.require(matrices, requirements=["C", "W"])
 
 
 @bare_kernel

@@ -34,6 +34,7 @@ import llvmlite.binding as llvm
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from voxgran._base.compiling.linking import codegen_of
@@ -43,7 +44,7 @@ from voxgran._base.files import is_private
 log = logging.getLogger(__name__)
 
 #: number of the way in which kernels are compiled and linked; kernels of other ways are compiled again
-LAYOUT = 4
+LAYOUT = 5
 VERSIONS = (
     f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__} "
     # whether code calls Intel's vector functions, which another machine may lack
@@ -98,6 +99,16 @@ class KernelCache(FunctionCache):
     def release(self) -> None:
         """Let other processes look for a kernel that was claimed for this one to compile."""
         self._cache_file.release()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a kernel that is kept, or None.
+
+        numba first imports the definitions of all functions that it can compile, which takes as long as its own import.
+        It does so where it compiles, and only the memory of arrays has to be there for what is compiled.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return what decides the code: the types and the processor for which kernels are compiled."""

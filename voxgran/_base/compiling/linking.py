@@ -22,8 +22,10 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, Flags
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
+from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
 
+from voxgran._base.compiling.lowering import ValueLowering
 from voxgran._base.lazy import preparing
 
 #: the processor for which kernels are compiled, and what it has beyond what each x86-64 has, as LLVM names it
@@ -224,12 +226,15 @@ class CallerCompiler(Compiler):
             return super().compile_extra(func)
 
     def define_pipelines(self) -> Any:
-        """Return numba's own steps, which fill a library of the class that is wanted."""
+        """Return numba's own steps, filling a library of the class that is wanted and writing code as in `lowering`."""
         if self.state.library is None:
             name = self.state.func_id.func_qualname
             self.state.library = self.library(codegen_of(self.state.targetctx), name)
             self.state.library.enable_object_caching()
-        return super().define_pipelines()
+        pipelines = super().define_pipelines()
+        for made in pipelines:
+            made.passes = [(ValueLowering if step is NativeLowering else step, text) for step, text in made.passes]
+        return pipelines
 
 
 class CalleeCompiler(CallerCompiler):
