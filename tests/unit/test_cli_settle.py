@@ -181,7 +181,7 @@ def test_the_checkpoint_of_another_run_is_told(file, tmp_path, capsys, monkeypat
     save_checkpoint(kept, header, arrays)
     status, line = complaint(capsys, *words, "--resume")
     assert status == 2
-    assert "has no 'velocity', which this version of voxgran keeps: resume with the version that wrote it" in line
+    assert "'velocity' of the checkpoint has nothing, which this version of voxgran keeps" in line
 
 
 def test_a_packing_without_gravity_needs_a_direction(tmp_path, capsys):

@@ -179,6 +179,8 @@ class SettleState:
             If they are not as a run leaves them.
         """
         settler = self.settler
+        if isinstance(settler, MetBed):
+            settler.begin_as(counters)
         check_held((settler.arrays, settler.counters), arrays, counters, settler.declared, settler.rule)
         settler.restore(arrays, counters)
         if settler.ended and not self.stop_reason:

@@ -86,11 +86,6 @@ def test_long_rods_with_little_friction_rest():
     assert bed.provenance["settling"]["resting"] >= 0.95
 
 
-def test_files_of_meshes_with_a_tolerance_are_told_to_leave_it_out():
-    with pytest.raises(vg.VoxgranError, match="tolerance is not a parameter: spherocylinders are exact; leave it out"):
-        vg.shapes.spherocylinder(aspect=2, tolerance=0.01)
-
-
 def test_a_pair_that_is_refused_is_named_once():
     """Rods one in the other have several contacts."""
     turn = (0.5**0.5, 0.5**0.5, 0, 0)

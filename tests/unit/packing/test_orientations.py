@@ -67,7 +67,7 @@ def test_methods_that_move_grains_begin_as_asked(method):
 
     request = Request(ROD, box(3), method, count=8, orientations=vg.orientations.aligned("x"))
     problem = prepare_task(request).problem
-    first = beds._start(problem)[0] if method == "gravity" else jamming.first_assembly(problem)
+    first = beds._start(problem, 8)[0] if method == "gravity" else jamming.first_assembly(problem)
     assert tensor_of(
         vg.Packing.of([ROD], box(3), position=first.position, orientation=first.orientation)
     ) == pytest.approx(np.diag([1.0, 0, 0]), abs=1e-12)

@@ -137,7 +137,7 @@ def test_a_large_packing_shows_its_middle_and_says_so(monkeypatch):
     monkeypatch.setattr(scenes, "MOST_SPHERES", bed.count - 1)
     monkeypatch.setattr(page, "MOST_FOR_CONTACTS", bed.count - 1)
     monkeypatch.setattr(scenes, "picture_grain", lambda shape: {})
-    drawn = page._draw(bed, "diameter").packing
+    drawn = page.draw_pictures(bed, "diameter").packing
     assert drawn["whole"][2] == "The whole packing. Spheres are drawn as points, shaded by the slope of the heap."
     assert drawn["middle"][2] == "The 40 grains of a cube in the middle, with their surfaces."
     assert "most neighbours in that cube" in drawn["contacts"][2]

@@ -144,7 +144,12 @@ def prepare(problem: Problem) -> SettleState:
     count = max((_with_room if rain is None else _as_many)(started, -gravity), started.started)
     settler: Moving
     if problem.parameters.height is not None and how.solid_fraction is None:
-        settler = MetBed(count, lambda many: beginning(many)(how), lambda bed: _corrected(problem, started, bed))
+        settler = MetBed(
+            count,
+            len(started.volumes),
+            begin=lambda many: beginning(many)(how),
+            corrected=lambda bed: _corrected(problem, started, bed),
+        )
     else:
         sought = how if count else replace(how, solid_fraction=None)
         settler = begin_settling(sought, beginning(count), lambda tried: _packing(problem, tried, ""))

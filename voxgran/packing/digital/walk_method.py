@@ -66,6 +66,8 @@ from voxgran.packing.walking.walk import advance, begin, finished
 
 #: farthest site in a checkpoint: those along periodic axes are counted on
 FARTHEST = 2**40
+#: largest component of the normal of a contact in a checkpoint: that of the voxels in contact times their places
+LARGEST_HINT = 2**60
 #: CPU time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
 ATTEMPT = 4e-6, 1e-6
 
@@ -227,7 +229,8 @@ def prepare(problem: Problem) -> DigitalState:
     most = len(digital_kinds(problem)[1]) * bases_of(problem) - 1
     state.declared = {
         "site": Held(-FARTHEST, FARTHEST), "member": Held(-1, most), "turn": Held(0, len(lattice_turns(problem)) - 1),
-        "order": Held(0, n - 1, "order"), "hint": Held(-1, 1), "cells": Held(state.cells, state.cells),
+        "order": Held(0, n - 1, "order"), "hint": Held(-LARGEST_HINT, LARGEST_HINT),
+        "cells": Held(state.cells, state.cells),
         "lid_layers": Held(0, int(lattice.shape.max())),
     }  # fmt: skip
     return begin(WALKER, problem, state)
