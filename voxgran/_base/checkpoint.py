@@ -83,11 +83,13 @@ def check_held(
         own = array[arrays[held.where] > 0] if held.where else array
         if not held.any and array.dtype.kind in "iuf" and not _within(own, held):
             raise CheckpointError(_wrong(name, "values out of range"))
-    for name, first in new[1].items():
+    # counters that are declared and not of a new state are of what a run has made before
+    for name in (*new[1], *(counters.keys() & declared.keys() - new[1].keys())):
         count = _found(counters, name)
-        if not (first is count is None) and not _within(count, declared.get(name, Held())):
+        if not (new[1].get(name, 0) is count is None) and not _within(count, declared.get(name, Held())):
             raise CheckpointError(_wrong(name, "a value out of range"))
-    for name in (*(arrays.keys() - new[0].keys() - optional.keys()), *(counters.keys() - new[1].keys())):
+    unknown = arrays.keys() - new[0].keys() - optional.keys() | counters.keys() - new[1].keys() - declared.keys()
+    for name in sorted(unknown):
         raise CheckpointError(_wrong(name, "a name that no such run has"))
     if rule is not None and not rule(arrays, counters):
         raise CheckpointError(_wrong("the arrays together", "values that contradict each other"))

@@ -140,7 +140,7 @@ class SoughtBed:
         settler, one = self.settler, self.settler.declared
         best = {
             PREFIX + name: replace(held, rows=held.rows and PREFIX + held.rows, like=settler.arrays.get(name))
-            for name, held in {**dict.fromkeys(settler.arrays, Held()), **one}.items()
+            for name, held in {**dict.fromkeys((*settler.arrays, *settler.counters), Held()), **one}.items()
         }
         own = {"tries": Held(rows="tries"), "place": Held(-1e6, 1e6), "made": COUNTS, "former_steps": COUNTS}
         return {**one, **best, **own, "by_bulk": Held(-1, WHOLE), "over": Held(0, 1)}

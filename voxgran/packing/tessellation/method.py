@@ -27,7 +27,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm
 from voxgran._base.arrays import Floats, Integers, check_coordinates
-from voxgran._base.checkpoint import Held
+from voxgran._base.checkpoint import FAR, Held
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file
@@ -170,7 +170,9 @@ def prepare(problem: Problem) -> State:
     spheres = spheres_of_start(problem)
     queue = np.zeros((0, COLUMNS)) if len(spheres) == problem.count else _first_queue(problem)
     far, all_spheres = 2.0 * float(np.ptp(problem.container.bounds, axis=0).max()), spheres_within(problem, "spheres")
-    declared = {"spheres": all_spheres, "queue": Held(-far, far, "queue"), "swept": Held(0, 1)}
+    # places, and hints, largest radii (infinite without a largest size) and kinds, which are not negative
+    low, high = [-far] * 3 + [0.0] * 3, [far] * 3 + [FAR, math.inf, FAR]
+    declared = {"spheres": all_spheres, "queue": Held(low, high, "queue"), "swept": Held(0, 1)}
     rule = lambda arrays, _: problem.started <= len(arrays["spheres"]) <= problem.count  # noqa: E731
     state = State({"spheres": spheres, "queue": queue}, {"swept": 0}, 0, WAVES, declared=declared, rule=rule)
     _look(problem, state)
