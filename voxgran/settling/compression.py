@@ -10,7 +10,8 @@ shorter until surfaces keep their distance and the forces balance.
 Where shear is free, a periodic cell tilts too, until it has no shear stresses. Its first edge stays along x, and its
 second one in the plane of x and y, so that it turns with all grains by half of the shear strain.
 
-Fixed grains move with the mean strain, as points of the container, and do not turn.
+Fixed grains move with the mean strain, as points of the container, and do not turn. Walls push them inside, and a
+container does not become shorter than one of them is long.
 
 Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
 the median diameter is 1 and falls with the square of the diameter (in 2D with the diameter), as its forces grow.
@@ -29,7 +30,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import VoxgranError
+from voxgran._base.errors import InputError, VoxgranError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
@@ -37,6 +38,7 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
+from voxgran.settling.enclosing import least_lengths, pushed_inside
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
@@ -91,6 +93,8 @@ LARGEST = 2.0
 #: rounds in which a container is widened at the end until grains that have no room are apart, and the share of their
 #: overlap by which it is stretched in each
 WIDENINGS, WIDENED = 40, 0.25
+#: factor on the length of fixed grains below which a container is as long as they are but for rounding
+ROUNDED = 1.0 - 1e-9
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
 MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
@@ -170,6 +174,8 @@ class Compressor(Resumable):
         if how.solid_fraction is not None:
             self.progress.stage = PRESSING
         self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
+        self._fixed = np.flatnonzero(~self.bed.movable)
+        self._least = least_lengths(self._standing())
         if not assembly.count:
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
 
@@ -297,9 +303,37 @@ class Compressor(Resumable):
             progress.stage = ENDED
 
     def _deform(self, gradient: Floats) -> None:
-        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it."""
-        self.progress.gradient = linear.matmul(gradient, self.progress.gradient)
-        self.bed.deform(gradient, deformed(self.container, self.progress.gradient))
+        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it.
+
+        Raises
+        ------
+        InputError
+            If it becomes shorter than a fixed grain is long.
+        """
+        bed, total = self.bed, linear.matmul(gradient, self.progress.gradient)
+        container = deformed(self.container, total)
+        short = self._least * ROUNDED - np.ptp(container.bounds, axis=0)
+        if (axis := int(short.argmax())) < bed.assembly.dimension and short[axis] > 0.0:
+            name = "xyz"[axis]
+            raise InputError(
+                f"the container has become {self._least[axis]:.3g} median diameters long along {name}, as long as a "
+                f"fixed grain is, before the {int(bed.movable.sum())} free grains bear the stress: take more of these, "
+                f"leave {name} out of axes, or give smaller fixed grains"
+            )
+        self.progress.gradient = total
+        bed.deform(gradient, container)
+        pushed = pushed_inside(self._standing())
+        bed.grains.way[self._fixed] += linear.norm(pushed - bed.grains.position[self._fixed], axis=1)
+        bed.grains.position[self._fixed] = pushed
+
+    def _standing(self) -> Assembly:
+        """Return the fixed grains where they are now."""
+        bed, fixed = self.bed, self._fixed
+        assembly, rows = bed.assembly, bed.order[fixed]
+        return Assembly(
+            assembly.shapes, assembly.shape_id[rows], assembly.scale[rows], bed.grains.position[fixed],
+            assembly.orientation[rows], assembly.container,
+        )  # fmt: skip
 
     def _part_at_last(self) -> None:
         """Part grains that are left without balance; where they have no room, the container is widened.
