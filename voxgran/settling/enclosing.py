@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.walls import grain_bounds, reach_at
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.walls import Round
+from voxgran.settling.bed import Bed
 
 #: halvings by which a place within a round wall is found
 HALVINGS = 50
@@ -59,3 +60,12 @@ def _away(fixed: Assembly, wall: Round, share: float | Floats) -> Floats:
     center, moved = np.array(wall.center), fixed.position.copy()
     moved[:, : wall.axes] = (center + share * (fixed.position - center))[:, : wall.axes]
     return moved
+
+
+def standing_in(bed: Bed, fixed: Integers) -> Assembly:
+    """Return the grains of a bed (k,) that are fixed, where they are now."""
+    assembly, rows = bed.assembly, bed.order[fixed]
+    return Assembly(
+        assembly.shapes, assembly.shape_id[rows], assembly.scale[rows], bed.grains.position[fixed],
+        assembly.orientation[rows], assembly.container,
+    )  # fmt: skip
