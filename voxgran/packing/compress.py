@@ -73,7 +73,7 @@ def compress(
     packing : Packing
         The grains, made by any method, loaded or put together by hand, loose or dense. They may overlap a little. Its
         container is a box, a rectangle, an upright cylinder, a disk or a sphere, periodic or not. Fixed grains move as
-        points of the container and do not turn; solid fractions leave them out.
+        points of the container, within its walls, and do not turn; solid fractions leave them out.
     stress : float or sequence of float
         Mean stress along all axes, or one along each axis, above 0, in any unit; only the ratios decide how the grains
         lie. Along axes that do not move it is not prescribed.
@@ -132,7 +132,8 @@ def compress(
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
         stretch together or by more than ten times what the densest grains bear with that friction, grains overlap so
-        deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
+        deep that they cannot be parted, a shape is an open surface, all grains are fixed, or the container would become
+        shorter than a fixed grain is long.
     VoxgranError
         If grains overlap at the end, where they bear no such stress, although the container has been widened.
     CheckpointError

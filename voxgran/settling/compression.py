@@ -10,7 +10,8 @@ shorter until surfaces keep their distance and the forces balance.
 Where shear is free, a periodic cell tilts too, until it has no shear stresses. Its first edge stays along x, and its
 second one in the plane of x and y, so that it turns with all grains by half of the shear strain.
 
-Fixed grains move with the mean strain, as points of the container, and do not turn.
+Fixed grains move with the mean strain, as points of the container, and do not turn. Walls push them inside, and a
+container does not become shorter than one of them is long.
 
 Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
 the median diameter is 1 and falls with the square of the diameter (in 2D with the diameter), as its forces grow.
@@ -29,7 +30,7 @@ import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import VoxgranError
+from voxgran._base.errors import InputError, VoxgranError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
@@ -37,6 +38,7 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
+from voxgran.settling.enclosing import least_lengths, pushed_inside, standing_in
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
@@ -76,8 +78,12 @@ STRESS_MET = 0.01
 #: largest friction at walls: with 1 a grain in a right-angled corner of a wall that moves and one that does not bears
 #: any load by itself, and all others nothing
 AT_WALLS = 0.7
-#: most steps, rounds in which surfaces are parted, and the distance to which they are
-STEPS, ROUNDS, PARTED = 400, 12, 1e-4
+#: most steps, and how many more without friction, where grains creep for long; rounds in which surfaces are parted, and
+#: the distance to which they are
+STEPS, CREEPING, ROUNDS, PARTED = 400, 1100, 12, 1e-4
+#: overlap with which grains are parted that short steps leave deep in each other, as rims and faces of cylinders, how
+#: often at most, and then: mobility of the next step, strain of a step in that of before, and iterations of a step
+STUCK, PARTINGS, AFRESH, SLOWER, MORE = 0.03, 4, 0.3, 0.3, 400
 #: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
 #: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
 SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
@@ -91,6 +97,8 @@ LARGEST = 2.0
 #: rounds in which a container is widened at the end until grains that have no room are apart, and the share of their
 #: overlap by which it is stretched in each
 WIDENINGS, WIDENED = 40, 0.25
+#: factor on the length of fixed grains below which a container is as long as they are but for rounding
+ROUNDED = 1.0 - 1e-9
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
 MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
@@ -123,6 +131,7 @@ class Progress:
     missed: float = 1.0  # relative difference of the stress from the one that is asked for
     gradient: Floats = field(default_factory=lambda: np.eye(3))  # by which the container was deformed
     before: Floats = field(default_factory=lambda: np.ones(3))  # its diagonal when it last had another volume
+    partings: int = 0  # how often grains that stayed deep in each other were parted
     yields: int = 0  # whether it goes on shearing without a change of volume
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
     bearing: Floats = field(default_factory=lambda: np.zeros(0))  # 1 where a grain bears forces
@@ -165,11 +174,14 @@ class Compressor(Resumable):
         without_weight(self.bed)
         self.friction = friction_of(_with_walls(how.friction, assembly), assembly)
         self.pace = FRICTIONAL if friction_range(self.friction)[0] >= LITTLE else FRICTIONLESS
+        self._creeping = CREEPING if self.pace is FRICTIONLESS else 0
         self._rate = how.rate or self.pace.rate
         self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
         if how.solid_fraction is not None:
             self.progress.stage = PRESSING
         self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
+        self._fixed = np.flatnonzero(~self.bed.movable)
+        self._least = least_lengths(standing_in(self.bed, self._fixed))
         if not assembly.count:
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
 
@@ -187,7 +199,7 @@ class Compressor(Resumable):
     @property
     def most_steps(self) -> int:
         """Largest number of steps, those that were made included."""
-        return 1 + STEPS + (STEPS + ROUNDS if self._surfaces else 0)
+        return 1 + STEPS + self._creeping + (STEPS + ROUNDS if self._surfaces else 0)
 
     @property
     def told(self) -> str:
@@ -251,34 +263,41 @@ class Compressor(Resumable):
 
     def _press(self) -> None:
         """Make a step to the stress, and examine the grains where they hardly move any more."""
-        progress, bed, pace = self.progress, self.bed, self.pace
+        progress, bed = self.progress, self.bed
         size, exact = progress.mobility, bool(progress.exact)
+        most = self.pace.strain * SLOWER**progress.partings
         bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
-        deep = float(bed.gap.min(initial=0.0)) < -DEEP
+        deepest = -float(bed.gap.min(initial=0.0))
         load = self.stress * bed.assembly.container.volume
         modes = evenly(self.modes, load)
         free = float(np.abs(linear.matmul(modes, load)).max())
         forces, accelerations = pressed_forces(
-            bed, modes * (pace.strain / (size * free)), load, openness=bed.gap / size, friction=self.friction,
-            skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
-            tolerance=TOLERANCE,
+            bed, modes * (most / (size * free)), load, openness=bed.gap / size, friction=self.friction,
+            skin=SOFTNESS / size, tolerance=TOLERANCE,
+            iterations=MORE if progress.partings else int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
         )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
         # gaps of a part of a step are between those before it and after it
         strain = accelerations[-1] * size
-        part = min(1.0, LARGEST * pace.strain / max(float(np.abs(strain).max()), 1e-300))
+        part = min(1.0, LARGEST * most / max(float(np.abs(strain).max()), 1e-300))
         yz, xz, xy = part * strain[3:]
         motion = accelerations * (part * size)
         # the edges of a cell that tilts turn, so that the first one stays along x
         motion[:-1, 3:] += bed.movable[:, None] * (0.5 * np.array([-yz, xz, -xy]))
         bed.move(motion, NEAR if exact else FAR)
         self._deform(np.diag(1.0 + part * strain[:3]) + np.array([[0.0, xy, xz], [0.0, 0.0, yz], [0.0, 0.0, 0.0]]))
-        if deep or np.abs(strain).max() < CALM * pace.strain or self._goes_around():
-            progress.mobility = max(LAST, pace.shrink * size)
-        last = progress.step + 1 >= self.most_steps
-        progress.yields = int(self._yields(last=last))
+        if deepest > DEEP or np.abs(strain).max() < CALM * most or self._goes_around():
+            progress.mobility = max(LAST, self.pace.shrink * size)
+        stuck = deepest > STUCK and size == LAST and not self._surfaces
+        last = progress.step + 1 >= self.most_steps or (stuck and progress.partings == PARTINGS)
+        progress.yields = int(self._yields(last=last or progress.step + 1 + self._creeping >= self.most_steps))
         last = last or bool(progress.yields)
+        if stuck and not last:
+            self._part()
+            bed.keep_forces(np.zeros((bed.m, 3)))
+            progress.partings, progress.mobility = progress.partings + 1, AFRESH
+            return
         if not last and (progress.mobility > EXAMINED or progress.step % EVERY):
             return
         good = self._examine(QUICK)
@@ -290,19 +309,38 @@ class Compressor(Resumable):
             good = self._examine(QUICK) and progress.smallest >= 0.0
         moved = last and not good and (progress.smallest < 0.0 or exact < self._surfaces)
         if moved:
-            self._part_at_last()
+            self._part()
         if good or last:
             # where nothing has moved since, the forces are at least as good afterwards
             self._examine(THOROUGH, known=not moved)
             progress.stage = ENDED
 
     def _deform(self, gradient: Floats) -> None:
-        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it."""
-        self.progress.gradient = linear.matmul(gradient, self.progress.gradient)
-        self.bed.deform(gradient, deformed(self.container, self.progress.gradient))
+        """Deform the container by an upper triangular matrix (3, 3), and move the centroids with it.
 
-    def _part_at_last(self) -> None:
-        """Part grains that are left without balance; where they have no room, the container is widened.
+        Raises
+        ------
+        InputError
+            If it becomes shorter than a fixed grain is long.
+        """
+        bed, total = self.bed, linear.matmul(gradient, self.progress.gradient)
+        container = deformed(self.container, total)
+        short = self._least * ROUNDED - np.ptp(container.bounds, axis=0)
+        if (axis := int(short.argmax())) < bed.assembly.dimension and short[axis] > 0.0:
+            name = "xyz"[axis]
+            raise InputError(
+                f"the container has become {self._least[axis]:.3g} median diameters long along {name}, as long as a "
+                f"fixed grain is, before the {int(bed.movable.sum())} free grains bear the stress: take more of these, "
+                f"leave {name} out of axes, or give smaller fixed grains"
+            )
+        self.progress.gradient = total
+        bed.deform(gradient, container)
+        pushed = pushed_inside(standing_in(bed, self._fixed))
+        bed.grains.way[self._fixed] += linear.norm(pushed - bed.grains.position[self._fixed], axis=1)
+        bed.grains.position[self._fixed] = pushed
+
+    def _part(self) -> None:
+        """Part grains that are left deep in each other or without balance; if they have no room, widen the container.
 
         Raises
         ------
@@ -333,7 +371,7 @@ class Compressor(Resumable):
     def _yields(self, *, last: bool) -> bool:
         """Return whether the container has sheared for long without a change of volume, or too far with one.
 
-        After the last step it is enough that the grains have borne more equal stresses only.
+        After the last step, and those after which others end, it is enough that they have borne more equal stresses.
         """
         progress, d = self.progress, self.bed.assembly.dimension
         factors, moves = progress.gradient.diagonal(), self._moves

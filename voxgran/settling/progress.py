@@ -45,7 +45,7 @@ OF_SETTLING: Declared = {
 OF_COMPRESSION: Declared = {
     **of_grains("residual", "bearing"), "path": Held(rows="steps"), "smallest": Held(-math.inf, math.inf),
     "stage": Held(0, LAST_PRESSING), **dict.fromkeys(("exact", "proven", "yields"), Held(0, 1)),
-    **dict.fromkeys(("step", "rounds"), COUNTS), "missed": Held(high=math.inf),
+    **dict.fromkeys(("step", "rounds", "partings"), COUNTS), "missed": Held(high=math.inf),
 }  # fmt: skip
 
 

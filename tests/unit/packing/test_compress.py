@@ -1,6 +1,7 @@
 """`compress`: balance by an independent sum of forces, stresses, containers, the same bits after an interruption."""
 
 import itertools
+import re
 import signal
 import warnings
 from dataclasses import replace
@@ -251,9 +252,77 @@ def test_grains_are_compressed_around_a_fixed_one_which_moves_with_the_mean_stra
 
 def test_fixed_grains_that_overlap_at_the_end_are_told():
     box = vg.Box((5, 5, 9))
-    loose = loose_grains(container=box, count=90, obstacles=vg.Packing.of(SPHERE, box, position=[(2.5, 2.5, 0.5)]))
+    pillar = vg.Packing.of(SPHERE, box, position=[(2.5, 2.5, 0.5), (2.5, 2.5, 1.5)])
     with pytest.warns(PackingWarning, match=r"fixed grains overlap each other or the walls by up to 0\.\d+ mean diam"):
-        vg.compress(loose, axes="z")
+        vg.compress(loose_grains(container=box, count=90, obstacles=pillar), axes="z")
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    ("container", "insert", "place"),
+    [
+        (vg.Box((5, 5, 9)), SPHERE, (2.5, 2.5, 0.5)),
+        (vg.Cylinder(3, 8), vg.shapes.box(lengths=(1, 1, 3)), (2.2, 0, 4)),
+        (vg.Sphere(3.5), vg.shapes.cylinder(radius=1, height=2.5), (1.8, 0.4, -0.5)),
+        (vg.Disk(4.5), vg.shapes.disk(diameter=3), (2.9, 0.4, 0)),
+    ],
+    ids=["floor", "cylinder", "sphere", "disk"],
+)
+def test_walls_push_fixed_grains_inside(container, insert, place, seed):
+    fixed = vg.Packing.of(insert, container, position=[place])
+    shape = DISK if container.dimension == 2 else SPHERE
+    loose = loose_grains(shape, container, 40, obstacles=fixed, seed=seed)
+    specimen = vg.compress(loose)
+    assert specimen.container.volume < container.volume
+    assert vg.verify(specimen).ok
+    assert vg.verify(replace(specimen[specimen.fixed], fixed=None)).ok
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "insert", [vg.shapes.sphere(diameter=3), vg.shapes.box(lengths=(2, 1, 3))], ids=["ball", "box"]
+)
+@pytest.mark.parametrize("periodic", ["xyz", "z", ""])
+def test_a_container_stays_around_a_fixed_grain_that_is_larger_than_few_grains_need(insert, periodic, seed):
+    cell = vg.Box((4, 4, 4), periodic=periodic)
+    fixed = vg.Packing.of(insert, cell, position=[(2, 2, 2)])
+    told = ""
+    try:
+        specimen = vg.pack(SPHERE, cell, "compress", count=8, obstacles=fixed, seed=seed)
+    except InputError as error:
+        told = str(error)
+    if told:
+        assert re.search(
+            r"\d median diameters long along [xyz], as long as a fixed grain is, before the 8 free gr", told
+        )
+        return
+    assert specimen.diameters[1:] == pytest.approx(1.0, rel=1e-12)
+    assert (np.ptp(specimen.container.bounds, axis=0) >= np.ptp(insert.bounds, axis=0) * (1 - 1e-9)).all()
+    assert vg.verify(specimen).ok
+    assert vg.verify(replace(specimen[specimen.fixed], fixed=None)).ok
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_a_container_may_be_as_long_as_a_fixed_grain_along_axes_that_do_not_move():
+    cell = vg.Box((5, 5, 4), periodic="xyz")
+    bar = vg.Packing.of(vg.shapes.cylinder(radius=0.5, height=4), cell, position=[(2.5, 2.5, 2)])
+    specimen = vg.pack(SPHERE, cell, "compress", count=60, obstacles=bar, axes="xy")
+    assert specimen.container.lengths[2] == 4.0
+    assert specimen.stop_reason == "compressed"
+    with pytest.raises(InputError, match=r"long along z, as long as a fixed grain is, before the 20 free grains"):
+        vg.compress(loose_grains(container=cell, count=20, obstacles=bar), axes="z")
+
+
+def test_grains_of_a_specimen_that_do_not_reach_their_sizes_are_told():
+    # needles at random jam near a solid fraction of 0.4
+    needle, cell = vg.shapes.spherocylinder(aspect=12), vg.Box((6, 6, 6), periodic="xyz")
+    with pytest.warns(
+        PackingWarning, match=r"the grains have 0\.\S+ times the sizes that were drawn, since they have no"
+    ):
+        specimen = vg.pack(needle, cell, "compress", count=40, fill=0.5, shear="held")
+    assert specimen.diameters.max() < 1.0
 
 
 def test_a_specimen_of_a_few_layers_is_told():
@@ -431,3 +500,15 @@ def test_grains_at_one_place_are_refused_and_shallow_overlaps_parted():
     deep = replace(loose, position=loose.position * 0.97, container=CUBE)
     assert not deep.verify().ok or deep.count
     assert vg.compress(deep).verify().ok
+
+
+@pytest.mark.parametrize("periodic", ["xyz", ""])
+@pytest.mark.parametrize(("family", "friction"), [("ellipsoid", 0.0), ("cylinder", 0.1)])
+def test_grains_that_creep_or_stay_deep_in_each_other_come_to_rest(family, friction, periodic):
+    shape = vg.make_shape(family)
+    cell = vg.Box(((70 * np.pi / 6 / 0.2) ** (1 / 3),) * 3, periodic=periodic)
+    loose = loose_grains(shape.scaled(1 / shape.diameter), cell, 70)
+    specimen = vg.compress(loose, friction=friction, shear="held" if periodic else None)
+    assert specimen.stop_reason == "compressed"
+    assert vg.verify(specimen).ok
+    assert vg.equilibrium(specimen, friction, stress=1.0).attrs["share_at_rest_without_rattlers"] >= 0.98

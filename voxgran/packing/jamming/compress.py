@@ -14,6 +14,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
+from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.seeds import stream
 from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
@@ -25,10 +26,13 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import followed
 from voxgran.packing.start import Start
+from voxgran.settling.enclosing import least_lengths, pushed_inside
 from voxgran.settling.parameters import Compression
 
 #: solid fraction in which grains begin, by dimension
 LOOSE = {2: 0.5, 3: 0.3}
+#: how much longer a container is at first than fixed grains are, in the largest diameter of the others
+AROUND_FIXED = 3.0
 #: growth rate of grains that are no spheres, which jam at larger solid fractions only
 GROWTH_RATE = 0.1
 
@@ -105,9 +109,27 @@ def _loose(problem: Problem) -> Problem:
     volume, fixed = float(free.volumes[: _many(free)].sum()), container.volume - free.container.volume
     larger = (volume / (settings.fill or LOOSE[container.dimension]) + fixed) / container.volume
     factor = larger ** (1.0 / int(moves.sum())) if volume > 0.0 else 1.0
-    factors = np.where(moves, factor, 1.0)
-    start = start if start is None else Start(start.position * factors, start.orientation)
-    return replace(problem, container=stretched(container, factors.tolist()), start=start)
+    factors, k = np.where(moves, factor, 1.0), problem.fixed
+    if start is None or not k:
+        return replace(problem, container=stretched(container, factors.tolist()))
+    standing = problem.start_assembly(Start(start.position[:k], start.orientation[:k]))
+    least = least_lengths(standing) + AROUND_FIXED * float(problem.diameter[k:].max(initial=0.0))
+    factors[moves] = max(factor, float((least[moves] / np.ptp(container.bounds, axis=0)[moves]).max()))
+    container = stretched(container, factors.tolist())
+    moved = replace(standing, position=standing.position * factors, container=container)
+    return replace(problem, container=container, start=Start(pushed_inside(moved), start.orientation))
+
+
+def grow(problem: Problem, state: CompressState, attempts: int) -> CompressState:
+    """Let the grains grow; where they do not reach their sizes, a warning says so."""
+    before, state = state.stop_reason, advance(problem, state, attempts)
+    if not before and state.stop_reason and (factor := state.compressor.factor) < 1.0:
+        warn(
+            f"the grains have {factor:.4g} times the sizes that were drawn, since they have no more room where they "
+            "begin: give a smaller fill, smaller grains, or a larger container",
+            PackingWarning,
+        )
+    return state
 
 
 def finish(problem: Problem, state: CompressState) -> Packing:
@@ -131,7 +153,7 @@ registration = followed(
         source="Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302",
         parameters=Compress,
         prepare=prepare,
-        advance=advance,
+        advance=grow,
         finish=finish,
         cost=lambda problem: cost_of(_many(problem.apart)),
         tilted=True,
