@@ -188,14 +188,16 @@ class PackingMethodSuite:
         container, kind = self.container(), "sphere" if self.container().dimension == 3 else "disk"
         middle = container.bounds.mean(axis=0)
         obstacle = Packing.of(make_shape(kind, diameter=1.5), container, position=[middle])
-        asked = {"count": 3, "seed": 1, "obstacles": obstacle, **self.parameters}
+        # as many as bear a stress around it
+        asked = {"count": 8, "seed": 1, "obstacles": obstacle, **self.parameters}
         if method_registry().get(self.method).obstacles == "refused":
             with pytest.raises(InputError, match="packs around obstacles, one of"):
                 pack(self.shapes(), container, self.method, **asked)
             return
         packing = pack(self.shapes(), container, self.method, **asked)
         assert packing.fixed is not None
-        assert packing.fixed.tolist() == [True, False, False, False]
+        assert packing.fixed.tolist() == [True, *[False] * (packing.count - 1)]
+        assert packing.count > 1
         # a container that is compressed takes its middle along
         assert packing.position[0] == pytest.approx(packing.container.bounds.mean(axis=0), abs=1e-9)
         assert verify(replace(packing, fixed=None)).ok
