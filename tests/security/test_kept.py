@@ -1,5 +1,6 @@
 """Values that files of grains, studies and scenes keep as JSON or TOML: of their types, in range, and without files."""
 
+import contextlib
 import dataclasses
 import json
 
@@ -201,13 +202,15 @@ def test_dots_in_texts_and_comments_are_no_parts_of_names(text, tmp_path):
 
 @pytest.mark.parametrize("value", ["0x" + "f" * 5000, "[0x" + "f" * 5000 + ", 4, 4]", '"a\\u0000b"'])
 @pytest.mark.parametrize(
-    "key", ["container.lengths", "packing.count", "scene.seed", "shape.family", "zzz", "sizes.low"]
+    "key", ["container.lengths", "packing.count", "packing.start", "shape.file", "measure.which", "sizes.file"]
 )
 def test_whole_numbers_of_scenes_have_an_end(key, value, tmp_path, capsys):
     """Python writes no number of more than 4300 digits, of which messages ended in an error."""
     rows = {"container.kind": "'box'", "packing.method": "'rsa'", key: value}
     text = "".join(f"{name} = {one}\n" for name, one in rows.items() if not name.startswith("shape."))
-    (tmp_path / "a.toml").write_text(f"{text}[[shape]]\n" + (f"family = {value}\n" if key == "shape.family" else ""))
+    (tmp_path / "a.toml").write_text(
+        f"{text}[[shape]]\n" + (f"file = {value}\n" if key == "shape.file" else "family = 'sphere'\n")
+    )
     assert main(["plan", str(tmp_path / "a.toml")]) == 2
     assert "Traceback" not in capsys.readouterr().err
 
@@ -254,8 +257,8 @@ def test_statistics_of_bytes_do_not_grow_to_gigabytes(tmp_path):
 
 @pytest.mark.parametrize(
     "container",
-    [vg.Cylinder(radius=1e9, height=6), vg.Cylinder(radius=4, height=1e21), vg.Funnel(radius=3, outlet=2**70, height=6),
-     vg.Hopper(radius=1e18, outlet=1)],
+    [vg.Cylinder(radius=1e9, height=6), vg.Cylinder(radius=4, height=1e9), vg.Funnel(radius=3, outlet=1e9, height=6),
+     vg.Hopper(radius=1e9, outlet=3)],
 )  # fmt: skip
 def test_measures_of_flat_and_slender_containers_have_few_points(container):
     """The points for their volume were as many as their ratio of lengths, or its square."""
@@ -264,3 +267,41 @@ def test_measures_of_flat_and_slender_containers_have_few_points(container):
     with pytest.warns(vg.PackingWarning):
         tree = vg.measure(bed)
     assert tree["/grains"].sizes["grain"] == 2
+
+
+KINDS = {
+    "hopper": {"radius": 3.0, "outlet": 1.0, "length": 4.0, "bin_height": 2.0},
+    "funnel": {"radius": 3.0, "outlet": 1.0, "height": 4.0},
+    "cylinder": {"radius": 3.0, "height": 4.0},
+    "drum": {"radius": 3.0, "length": 4.0},
+    "sphere": {"radius": 3.0},
+    "box": {"lengths": [6.0, 6.0, 6.0]},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_containers_of_packings_have_lengths_in_range(kind, tmp_path):
+    """Lengths of 2**70 beside some of 1 ended measures and decks in divisions by 0, and in petabytes."""
+    odd = [{name: value} for name in KINDS[kind] if kind not in ("box", "sphere") for value in (2.0**70, 1e18, 1e-30)]
+    for change in (*odd, {"origin": [2.0**70, 0, 0]}, {"origin": [0, 0, -1e18]}):
+        told = {"kind": kind, "origin": [0, 0, 0]} | KINDS[kind] | change
+        path = rewritten(BALL, tmp_path / "a.vtp", container=lambda _, told=told: told)
+        with pytest.raises(FileFormatError, match="holds no packing of voxgran"):
+            vg.load(path)
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("kind", ["hopper", "funnel"])
+def test_containers_far_wider_than_grains_are_written_for_engines_or_refused(kind, tmp_path):
+    told = {"kind": kind} | {name: 1e20 * value for name, value in KINDS[kind].items()}
+    bed = vg.Packing.of([vg.shapes.sphere()], vg.make_container(told), position=[(0, 0, 1e20)], gravity=(0, 0, -1))
+    with contextlib.suppress(VoxgranError):
+        vg.write_deck(bed, tmp_path / "deck", "lammps")
+
+
+@pytest.mark.parametrize("rows", [0, 1, 4])
+def test_packings_have_as_many_orientations_as_grains(rows):
+    """Other numbers of rows were taken, and read beyond their ends."""
+    with pytest.raises(VoxgranError, match=rf"orientation has {rows} rows: there are 2 grains"):
+        vg.Packing.of([vg.shapes.sphere()], vg.Box((6, 6, 6)), position=[(1, 1, 1), (3, 3, 3)],
+                      orientation=np.tile([1.0, 0, 0, 0], (rows, 1)))  # fmt: skip
