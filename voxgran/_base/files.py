@@ -308,7 +308,7 @@ def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True)
     with contextlib.ExitStack() as stack:
         for path, content in contents.items():
             draft = stack.enter_context(written_whole(path, overwrite=overwrite))
-            draft.write_bytes(content if isinstance(content, bytes) else content.encode())
+            draft.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
 
 
 def made_folder(path: Path) -> Path:
@@ -329,7 +329,7 @@ def made_folder(path: Path) -> Path:
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True, sync: bool = True) -> None:
     """Write a text file completely or not at all; `sync` is that of :func:`written_whole`."""
     with written_whole(path, overwrite=overwrite, sync=sync) as draft:
-        draft.write_text(text, encoding="utf-8")
+        draft.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def remove_drafts(path: str | os.PathLike[str]) -> None:

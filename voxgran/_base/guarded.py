@@ -118,6 +118,18 @@ def read_part(reader: Callable[..., Content], path: Path, *, size: int, **option
             _end(process)
 
 
+def refuse_growth(path: Path, count: int) -> None:
+    """Refuse so many values that a reader has found in a file if, as numbers of 8 bytes, they take more than it may.
+
+    Raises
+    ------
+    TooLargeError
+        If they do.
+    """
+    if 8 * count > min(MEMORY + MEMORY_PER_BYTE * path.stat().st_size, memory_limit() // 2):
+        raise TooLargeError(_too_large(path))
+
+
 @cache
 def _idle(number: int) -> "queue.LifoQueue[subprocess.Popen[bytes]]":
     """Return the processes of the process of this number that wait for a part to read."""

@@ -289,6 +289,8 @@ def checked_arrays(
         rows = float_array(orientation)
         flat = rows is not None and rows.size == 4 * n
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
+        if len(turns) != n:
+            raise InputError(f"orientation has {len(turns)} rows: there are {n} grains; give a quaternion for each")
     check_grain_sizes(shapes, container, index, scales)
     if copied:
         scales, points, turns = scales.copy(), points.copy(), turns if orientation is None else turns.copy()

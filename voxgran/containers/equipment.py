@@ -29,6 +29,9 @@ from voxgran.shapes.tessellate import revolved, sphere
 #: doi:10.1103/PhysRevE.71.051303: 4.94)
 ARCHING = 5.0
 
+#: largest ratio of the lengths of a container: beyond, walls are lost in the rounding of the others
+MOST_RATIO = 1e9
+
 
 class Space(NamedTuple):
     """What lies within walls: its boundary, bounds (2, 3), volume and its relative error, and a mesh for pictures."""
@@ -62,6 +65,13 @@ class Parametric(ExplainedAttributes):
                 self._set(name, tuple(as_place(value, "origin", length=self.dimension).tolist()))
             elif value is not None or name not in spare:
                 self._set(name, as_length(value, f"{name} of the {self.kind}"))
+        lengths = {name: getattr(self, name) for name in self._lengths if name != "origin"}
+        known = sorted((length, name) for name, length in lengths.items() if length is not None)
+        if known and known[-1][0] > MOST_RATIO * known[0][0]:
+            raise InputError(
+                f"{known[-1][1]} of the {self.kind} is {known[-1][0]:g}: it must be at most {MOST_RATIO:g} times its "
+                f"{known[0][1]}, {known[0][0]:g}; correct one of them"
+            )
 
     def _set(self, name: str, value: Any) -> None:
         """Set a field."""

@@ -24,6 +24,9 @@ from voxgran.shapes.model import Shape
 #: attributes that an object must have to be a container
 NEEDED = ("kind", "dimension", "periodic", "volume", "bounds", "signed_distance", "mesh", "scaled", "to_mapping")
 
+#: largest distance from the origin in lengths of a container: beyond, less than four digits of coordinates are left
+FARTHEST = 1e12
+
 
 @runtime_checkable
 class Container(Protocol):
@@ -231,7 +234,8 @@ def check_container(container: Any) -> None:
     Raises
     ------
     InputError
-        If it lacks attributes of :class:`Container`, or is smaller than 1e-60 or larger than 1e60.
+        If it lacks attributes of :class:`Container`, is smaller than 1e-60 or larger than 1e60, or so far from the
+        origin that its lengths are lost in rounding.
     """
     if isinstance(container, Shape):
         remedy = "a Rectangle, Disk or Polygon" if container.dimension == 2 else "a Box, or ClosedMesh(shape) of a mesh"
@@ -241,7 +245,13 @@ def check_container(container: Any) -> None:
         raise InputError(f"container is {shown(container)}: it must be a container; give a Box, or a Rectangle in 2D")
     if missing:
         raise InputError(f"container has no {', '.join(missing)}: a container needs {', '.join(NEEDED)}; add them")
-    check_lengths(container.bounds[1] - container.bounds[0], "length of the container")
+    lengths, far = container.bounds[1] - container.bounds[0], np.abs(container.bounds).max(axis=0)
+    check_lengths(lengths, "length of the container")
+    if (lost := far > FARTHEST * lengths).any():
+        raise InputError(
+            f"container is {lengths[lost][0]:g} long and {far[lost][0]:g} away from the origin: it must be at most "
+            f"{FARTHEST:g} times its length away; move it to the origin"
+        )
 
 
 #: key of a mapping that names the package of a kind that is not part of voxgran

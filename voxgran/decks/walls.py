@@ -163,5 +163,6 @@ def planes_of(vertices: Floats, faces: Integers) -> Floats:
 
 def sides_of(radius: float, diameter: float) -> int:
     """Return how many sides a polygon around a circle has, by the median diameter of the grains."""
-    least = math.pi / math.acos(1 / (1 + ROUND_ERROR * diameter / radius))
-    return min(max(math.ceil(least), FEWEST_SIDES), MOST_SIDES)
+    # 0 of a circle that is far wider than the grains
+    angle = math.acos(1 / (1 + ROUND_ERROR * diameter / radius))
+    return MOST_SIDES if angle * MOST_SIDES < math.pi else max(math.ceil(math.pi / angle), FEWEST_SIDES)

@@ -20,7 +20,7 @@ from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
 from voxgran._base.files import PROBE, as_path, existing_file, output_suffix, write_files, written_whole
-from voxgran._base.guarded import Content, netcdf_file, read_guarded, refused
+from voxgran._base.guarded import Content, netcdf_file, read_guarded, refuse_growth, refused
 from voxgran._base.lazy import DataArray, Dataset, DataTree, load
 from voxgran.measures.accessor import register_accessor
 
@@ -120,6 +120,8 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
         If there is no such file.
     FileFormatError
         If it is damaged or no netCDF4 file.
+    TooLargeError
+        If its content takes more memory than its size explains, or more than half of that of the machine.
 
     Examples
     --------
@@ -131,6 +133,8 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
     """
     found = existing_file(path)
     facts, arrays = read_guarded(netcdf_values, found)
+    # a scale makes such numbers of bytes
+    refuse_growth(found, sum(array.size for array in arrays.values()))
     xarray = load("xarray")
     data = {}
     with refused(found):

@@ -6,8 +6,11 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran._base.guarded import reason_of
 
-#: kinds of numbers, by their letter in the file
+#: kinds of numbers, by their letter in the file, and how many bytes they take
 KINDS = {"F": "f", "I": "i", "U": "u"}
+SIZES = {"F": ("4", "8"), "I": ("1", "2", "4", "8"), "U": ("1", "2", "4", "8")}
+#: bytes of a header, of which files have some hundreds
+LONGEST_HEADER = 2**16
 
 
 def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
@@ -20,10 +23,11 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
     """
     try:
         head, body = _header(raw)
-        fields, counts = head["FIELDS"], [int(count) for count in head.get("COUNT", ["1"] * len(head["FIELDS"]))]
-        kinds = [KINDS[kind] + size for kind, size in zip(head["TYPE"], head["SIZE"], strict=True)]
+        fields = head["FIELDS"]
+        counts = [_whole(count) for count in head.get("COUNT", ["1"] * len(fields))]
+        kinds = [_kind(*told) for told in zip(head["TYPE"], head["SIZE"], strict=True)]
         row = np.dtype([(key, "<" + kind, (count,)) for key, kind, count in zip(fields, kinds, counts, strict=True)])
-        many = int(head["POINTS"][0])
+        many = _whole(head["POINTS"][0])
         records = _text(body, row, many) if head["DATA"][0] == "ascii" else _binary(body, row, many)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise FileFormatError(
@@ -61,16 +65,32 @@ def pcd_bytes(records: np.ndarray[tuple[int], np.dtype[np.void]]) -> bytes:
 def _header(raw: bytes) -> tuple[dict[str, list[str]], bytes]:
     """Return the words of each line of the header, and what follows it."""
     head: dict[str, list[str]] = {}
-    while "DATA" not in head:
-        line, mark, raw = raw.partition(b"\n")
-        if not mark:
-            raise ValueError("its header is not whole")
+    *lines, _ = raw[:LONGEST_HEADER].split(b"\n")
+    end = 0
+    for line in lines:
+        end += len(line) + 1
         words = line.decode("ascii", errors="replace").split()
         if words == ["DATA", "binary_compressed"]:
             raise ValueError("it is compressed; write it as binary")
         if words and not words[0].startswith("#"):
             head[words[0]] = words[1:]
-    return head, raw
+        if words[:1] == ["DATA"]:
+            return head, raw[end:]
+    raise ValueError(f"its header does not end within {LONGEST_HEADER} bytes")
+
+
+def _kind(letter: str, size: str) -> str:
+    """Return the type of NumPy of a kind of numbers and its bytes."""
+    if size not in SIZES.get(letter, ()):
+        raise ValueError(f"numbers of type {letter[:20]!r} and size {size[:20]!r} are not known")
+    return KINDS[letter] + size
+
+
+def _whole(word: str) -> int:
+    """Return a whole number of a header."""
+    if not (word.isdecimal() and len(word) < 16):
+        raise ValueError(f"{word[:20]!r} is no whole number")
+    return int(word)
 
 
 def _text(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:

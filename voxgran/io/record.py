@@ -17,16 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arithmetic import linear
-from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points, check_lengths
+from voxgran._base.arrays import (
+    Floats,
+    as_faces,
+    as_floats,
+    as_number,
+    as_place,
+    as_points,
+    as_quaternions,
+    check_lengths,
+)
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
+from voxgran._base.scalars import check_types, values_of_json
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.kinds.mesh import ClosedMesh
-from voxgran.containers.model import Container, make_container, package_of, saved_mapping
+from voxgran.containers.model import Container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
+from voxgran.io.kept import PROVENANCE, RELAXATION, SHAPE, kept_container, kept_sizes
 from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, rows_of
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
@@ -35,7 +46,7 @@ from voxgran.shapes.mesh import LatticePoints, Mesh, Surface, refuse_degenerate
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.sizes import KINDS, SizeDistribution, make_sizes
+from voxgran.shapes.sizes import KINDS, SizeDistribution
 from voxgran.shapes.spheres import MassProperties, Spheres
 
 #: version of the layout; a reader refuses a higher one. Only packings of several densities need the second, and only
@@ -142,7 +153,7 @@ def from_record(record: Record) -> Packing:
         packing = _packing(record)
     except (FileFormatError, MissingLibraryError):
         raise
-    except (VoxgranError, KeyError, IndexError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+    except (VoxgranError, KeyError, IndexError, TypeError, ValueError, ArithmeticError, RuntimeError) as error:
         raise FileFormatError(
             f"it holds no packing of voxgran ({reason_of(error, most=300)}): write it again"
         ) from error
@@ -152,7 +163,7 @@ def from_record(record: Record) -> Packing:
 
 def _packing(record: Record) -> Packing:
     """Return the packing of a record, checked."""
-    entries, unit = json.loads(record.texts["shapes"]), known_unit(record.texts["unit"])
+    entries, unit = values_of_json(record.texts["shapes"]), known_unit(record.texts["unit"])
     if unit is None:
         # before units were checked it was not taken from the shapes: it is theirs, if they agree
         units = {known_unit(entry["unit"]) for entry in entries} - {None}
@@ -161,17 +172,19 @@ def _packing(record: Record) -> Packing:
     for name in {"shape_steps", "shape_corners"} & arrays.keys():
         arrays[name] = rows_of(arrays[name])
     shapes = tuple(_shape(entry, arrays, unit) for entry in entries)
-    kind, densities = json.loads(record.texts["container"]), record.arrays["density"]
+    provenance = values_of_json(record.texts["provenance"])
+    check_types({name: provenance[name] for name in PROVENANCE if name in provenance}, PROVENANCE, "provenance")
+    kind, densities = values_of_json(record.texts["container"]), record.arrays["density"]
     solid = kind["kind"] == ClosedMesh.kind
     packing = Packing.of(
         shapes[:-1] if solid else shapes,
-        ClosedMesh(shapes[-1]) if solid else make_container(kind),
+        ClosedMesh(shapes[-1]) if solid else kept_container(kind),
         position=record.position,
         scale=record.per_grain["scale"],
         shape_id=record.per_grain["shape_id"],
         orientation=record.per_grain["orientation"],
         density=float(densities[0]) if len(densities) == 1 else densities.tolist(),
-        provenance=json.loads(record.texts["provenance"]),
+        provenance=provenance,
         stop_reason=record.texts["stop_reason"],
         unit=unit,
     )
@@ -184,11 +197,11 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
     """
     if "gravity" not in record.arrays:
         return fields_of(packing.provenance, packing.container, packing.diameters)
-    down, sizes = np.array(record.arrays["gravity"], dtype=np.float64), json.loads(record.texts["asked_sizes"])
+    down, sizes = np.array(record.arrays["gravity"], dtype=np.float64), values_of_json(record.texts["asked_sizes"])
     return {
         "gravity": as_down(down, packing.container) if down.any() else None,
         "contact_gap": as_number(float(record.arrays["contact_gap"][0]), "contact_gap", at_least=0.0),
-        "asked_sizes": None if sizes is None else make_sizes(sizes),
+        "asked_sizes": None if sizes is None else kept_sizes(sizes),
         "lid": _lid(record),
         "forces": _forces(record),
         "relaxation": _relaxation(record),
@@ -199,8 +212,11 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
 
 def _relaxation(record: Record) -> Relaxation | None:
     """Return what an engine has changed; None where none has."""
-    told = json.loads(record.texts.get("relaxation", "null"))
-    return None if told is None else Relaxation(**told)
+    told = values_of_json(record.texts.get("relaxation", "null"))
+    if told is None:
+        return None
+    check_types(told, RELAXATION, "relaxation")
+    return Relaxation(**told)
 
 
 def _lid(record: Record) -> Lid | None:
@@ -310,7 +326,8 @@ def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], unit: s
 
     Its lengths were always taken as those of the packing: another unit, of before units were checked, is left out.
     """
-    x, y, z = (float(value) for value in entry["offset"])
+    check_types(entry, SHAPE, "shape")
+    x, y, z = as_place(entry["offset"], "offset").tolist()
     own = unit if known_unit(entry["unit"]) == unit else None
     record = record_of_json(entry.get("record", {}))
     geometry = _geometry(entry, arrays)
@@ -343,6 +360,7 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
         return Spheres(as_points(part["points"], "centers"), as_floats(part["radii"], "radii", shape=(None,)), mass)
     if kind == "Primitive":
         w, x, y, z = entry["rotation"]
+        as_quaternions([entry["rotation"]], "rotation")
         return Primitive(entry["kind"], tuple(entry["dimensions"]), (w, x, y, z))
     if kind != "Outline":
         raise FileFormatError(f"geometry is {kind!r}: this voxgran does not know it; install a newer one")
@@ -376,7 +394,7 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 def _sizes(stated: Any) -> SizeDistribution | None:
     """Return the distribution of a record, None where it is none."""
     try:
-        return make_sizes(stated) if isinstance(stated, Mapping) else None
+        return kept_sizes(stated) if isinstance(stated, Mapping) else None
     except InputError:
         return None
 

@@ -4,7 +4,6 @@ A table is read by NumPy where all of it is numbers, otherwise line by line, and
 pandas does not replace this: it fills rows that are too short with NaN and reads no mixture of blanks and commas.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,9 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, MissingLibraryError, VoxgranError
 from voxgran._base.guarded import reason_of
-from voxgran.containers.model import Container, make_container
+from voxgran._base.scalars import values_of_json
+from voxgran.containers.model import Container
+from voxgran.io.kept import kept_container
 from voxgran.io.particles import (
     LARGEST_CLUMP,
     SPHERE_RULE,
@@ -262,7 +263,7 @@ def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]
                 container = _container(line.removeprefix(CONTAINER), path, number)
             elif container is not None and (words := line[1:].split(maxsplit=1)) and words[0] in FIELDS:
                 try:
-                    fields[words[0]] = json.loads(words[1])
+                    fields[words[0]] = values_of_json(words[1])
                 except (IndexError, ValueError, RecursionError):
                     raise FileFormatError(
                         f"{path}, line {number}: {words[0]} is no JSON; mend or remove the line"
@@ -273,7 +274,7 @@ def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]
 def _container(text: str, path: Path, number: int) -> Container:
     """Return the container that a comment holds as JSON."""
     try:
-        return make_container(json.loads(text))
+        return kept_container(values_of_json(text))
     except MissingLibraryError:
         raise
     except (VoxgranError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:

@@ -204,13 +204,25 @@ class Samples:
         inside = np.concatenate(points)
         low, high = packing.container.bounds
         span = float(np.prod((high - low)[:d]))
-        step = (span / CONTAINER_POINTS) ** (1 / d)
-        counts = np.maximum(np.round((high - low) / step).astype(int), 1)
+        counts = _cells((high - low)[:d])
+        counts = np.append(counts, np.ones(3 - d, dtype=int))
         axes = [low[a] + (np.arange(n) + 0.5) * (high[a] - low[a]) / n for a, n in enumerate(counts)]
         around = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         around += (stream(0, "container samples").random(around.shape) - 0.5) * (high - low) / counts
         depths = (-packing.container.signed_distance(p) for p in (inside, around))
         return cls(inside, next(depths), np.concatenate(grain), packing.volumes, around, next(depths), span)
+
+
+def _cells(lengths: Floats) -> Integers:
+    """Return into how many parts the lengths of a container are divided, so that there are about as many equal cells as
+    points: a length shorter than half a cell is one part, and the others are divided as if it were not there.
+    """
+    whole = np.ones(len(lengths), dtype=np.bool_)
+    while True:
+        step = (float(np.prod(lengths[whole])) / CONTAINER_POINTS) ** (1 / int(whole.sum()))
+        if not (short := whole & (lengths < 0.5 * step)).any():
+            return np.where(whole, np.maximum(np.round(lengths / step), 1), 1).astype(np.int64)
+        whole &= ~short
 
 
 @dataclass(frozen=True, eq=False)

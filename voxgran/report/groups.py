@@ -10,6 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.errors import InputError, warn
 from voxgran._base.lazy import DataTree
+from voxgran._base.scalars import plain_text
 from voxgran._base.units import NO_UNIT
 from voxgran.measures.model import measure
 from voxgran.measures.registered.coordination import coordination_number, usual_gap
@@ -103,7 +104,7 @@ def _group(name: str, packings: tuple[Packing, ...], which: Sequence[str] | None
         # counted up to a common gap, since methods leave different gaps between grains in contact
         found = (coordination_number(packing, [gap], reference_gap=gap).of_grain for packing in packings)
         neighbours = tuple(values.astype(np.float64) for values in found)
-    return Group(name, packings, trees, neighbours, gap)
+    return Group(plain_text(name), packings, trees, neighbours, gap)
 
 
 def _label(name: str, group: tuple[Packing, ...], index: int) -> str:

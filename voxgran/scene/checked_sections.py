@@ -16,6 +16,7 @@ from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, check_known, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
+from voxgran._base.scalars import plain_values
 from voxgran._base.units import as_unit
 from voxgran.containers.gravity import proposed_axis
 from voxgran.containers.model import Container, make_container
@@ -37,8 +38,14 @@ T = TypeVar("T")
 LONGEST_SCENE = 2**22
 #: parts of a name, of which scenes have two or three: the time to read one grows with their square or cube
 DEEPEST = 32
-#: numbers in lists and rows of points, which are in no name
-NUMBER = re.compile(r"\d\.\d[\de+-]*(?=\s*[],}])|\.(?=\.)")
+#: texts of TOML to their ends, or as far as they go, and comments: no dot within parts a name
+QUOTED = re.compile(
+    r"""\"\"\"(?:[^"\\]|\\.|"(?!""))*+(?:\"\"\")?|\'\'\'(?:[^']|'(?!''))*+(?:\'\'\')?"""
+    r"""|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?|\#[^\n]*+""",
+    re.DOTALL,
+)
+#: names of more parts
+DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}[\w-]")
 
 
 def section_of(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
@@ -105,15 +112,15 @@ def parsed_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If it is not TOML, or names have more than `DEEPEST` parts.
+        If it is not TOML, names have more than `DEEPEST` parts, or a whole number is beyond 2**128.
     RecursionError
         If it has values in too many brackets.
     """
-    for number, line in enumerate(NUMBER.sub("", text).splitlines(), 1):
-        # a name ends before a sign of equality, or at the end of the line of a table
-        if line.count(".") > DEEPEST and any(part.count(".") > DEEPEST for part in line.split("=")):
-            raise ValueError(f"a name has more than {DEEPEST} parts at line {number}")
-    return tomllib.loads(text)
+    bare = QUOTED.sub(lambda found: "s" + "\n" * found[0].count("\n"), text)
+    if deep := DEEP.search(bare):
+        line = bare.count("\n", 0, deep.start()) + 1
+        raise ValueError(f"a name has more than {DEEPEST} parts at line {line}")
+    return dict(plain_values(tomllib.loads(text)))
 
 
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:

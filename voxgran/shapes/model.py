@@ -22,6 +22,7 @@ from voxgran._base.arrays import (
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.scalars import plain_text
 from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.describing.body import Body, Geometry
@@ -57,7 +58,7 @@ class Shape(ExplainedAttributes, Body):
     UnknownNameError
         If the unit is unknown; the message gives the nearest one.
     InputError
-        If the record holds something else.
+        If the name is no text, or the record holds something else.
 
     Examples
     --------
@@ -74,7 +75,9 @@ class Shape(ExplainedAttributes, Body):
     record: Mapping[str, Any] = field(default_factory=Record, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Normalize the unit and copy the record."""
+        """Check the name, normalize the unit and copy the record."""
+        check_type(self.name, str, "name", "a text")
+        object.__setattr__(self, "name", plain_text(self.name))
         object.__setattr__(self, "unit", stated_unit(self.unit))
         object.__setattr__(self, "record", Record(self.record))
 

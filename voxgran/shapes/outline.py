@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, as_vector, read_only
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_length, as_place, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Moments
@@ -35,8 +35,8 @@ class Outline(Moments):
     Raises
     ------
     InputError
-        If the radius is not above 0, or the polygon has fewer than three corners, intersects or touches itself, is
-        clockwise or has no area.
+        If the radius is not between 1e-60 and 1e60, or the polygon has fewer than three corners, intersects or touches
+        itself, is clockwise or has no area.
     """
 
     kind: Literal["disk", "polygon"]
@@ -50,8 +50,8 @@ class Outline(Moments):
         as_choice(self.kind, "kind", ("disk", "polygon"))
         corners = as_points(self.vertices, "vertices", dimension=2).copy()
         if self.kind == "disk":
-            object.__setattr__(self, "radius", as_positive(self.radius, "radius"))
-            object.__setattr__(self, "center", tuple(as_vector(self.center, "center", length=2).tolist()))
+            object.__setattr__(self, "radius", as_length(self.radius, "radius"))
+            object.__setattr__(self, "center", tuple(as_place(self.center, "center", length=2).tolist()))
             corners = corners[:0]
         else:
             _refuse_crooked(corners)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
-from voxgran._base.arrays import Floats, Integers, read_only
+from voxgran._base.arrays import Floats, Integers, check_lengths, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.rotation import product, quaternions_of, rotation_matrices
@@ -46,7 +46,7 @@ class Primitive:
     Raises
     ------
     InputError
-        If the number of dimensions is not that of the kind, or one is not above 0.
+        If the number of dimensions is not that of the kind, or one is not between 1e-60 and 1e60.
     """
 
     kind: Kind
@@ -62,6 +62,7 @@ class Primitive:
             raise InputError(
                 f"{self.kind} has dimensions {self.dimensions}: give {', '.join(names)}, each finite and above 0"
             )
+        check_lengths(self.dimensions, f"dimension of the {self.kind}")
 
     @property
     def centroid(self) -> Floats:

@@ -15,6 +15,7 @@ from voxgran._base.arrays import (
     as_points,
     as_positive,
     as_vector,
+    check_lengths,
     check_type,
     read_only,
 )
@@ -139,8 +140,8 @@ class Spheres(Moments):
     Raises
     ------
     InputError
-        If there is no sphere, the numbers of centers and radii differ, a radius is not above 0, centers are too far
-        apart, or `mass` is something else than MassProperties.
+        If there is no sphere, the numbers of centers and radii differ, a radius is not between 1e-60 and 1e60, centers
+        are too far apart, or `mass` is something else than MassProperties.
     """
 
     centers: Floats
@@ -157,6 +158,7 @@ class Spheres(Moments):
         if radii.min() <= 0:
             worst = int(radii.argmin())
             raise InputError(f"radius of sphere {worst} is {radii[worst]}: it must be above 0; remove the sphere")
+        check_lengths(radii, "radius of a sphere")
         if (apart := float(np.ptp(centers, axis=0).max())) > FARTHEST * radii.max():
             raise InputError(
                 f"centers of spheres are {apart:g} apart and the largest radius is {radii.max():g}: a union is at most "

@@ -25,6 +25,7 @@ from voxgran._base.files import made_folder, write_text
 from voxgran._base.lazy import counting_preparation
 from voxgran._base.machine import forget_peak, peak_memory
 from voxgran._base.progress import Step, silent
+from voxgran._base.scalars import check_types, values_of_json
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
@@ -123,6 +124,16 @@ class Record:
     attempts: int = 0
     grains: int = 0
     elapsed: float = 0.0
+
+
+#: types of what a run has left, as its file holds it
+TYPES: dict[str, Any] = {
+    **dict.fromkeys(("failure", "stop_reason"), str),
+    **dict.fromkeys(("memory", "attempts", "grains"), int),
+    **dict.fromkeys(("seconds", "elapsed"), float),
+    "numbers": dict,
+    "warnings": [str],
+}
 
 
 class SceneCache:
@@ -232,8 +243,13 @@ def from_text(text: str) -> Record:
     ValueError
         If it is no JSON, or a number has a name that a dataset cannot hold.
     """
-    made = Record(**json.loads(text)["record"])
-    made.numbers = {name: [float(json.loads(value)), *told] for name, (value, *told) in made.numbers.items()}
+    held = values_of_json(text)["record"]
+    check_types(held, TYPES, "the record")
+    made = Record(**held)
+    check_types(made.numbers, {name: [str] for name in made.numbers}, "numbers")
+    made.numbers = {name: [float(value), *told] for name, (value, *told) in made.numbers.items()}
+    if any(len(told) != 3 for told in made.numbers.values()):
+        raise ValueError("a number has no value, unit and meaning")
     if strange := next((name for name in made.numbers if "/" in name), None):
         raise ValueError(f"{strange!r} is no name of a number: xarray keeps it for paths")
     return made
