@@ -265,7 +265,7 @@ def test_a_table_of_one_long_row_and_many_short_ones(tmp_path, capfd):
 
 def test_point_clouds_that_count_below_zero_or_name_half_a_normal(tmp_path, capfd):
     head = "FIELDS x y z normal_x\nSIZE 8 8 8 8\nTYPE F F F F\nCOUNT 1 1 1 1\nPOINTS {}\nDATA ascii\n0 0 0 1\n"
-    assert "it holds 1 of -1 points" in refusal(vg.load_cloud, tmp_path / "p.pcd", head.format(-1), capfd)
+    assert "'-1' is no whole number" in refusal(vg.load_cloud, tmp_path / "p.pcd", head.format(-1), capfd)
     wide = head.replace("COUNT 1 1 1 1", "COUNT 1 1 1 99999999").format(1)
     assert "its points have 4 numbers" in refusal(vg.load_cloud, tmp_path / "p.pcd", wide, capfd)
     (tmp_path / "p.pcd").write_text(head.format(1))
