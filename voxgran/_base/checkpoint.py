@@ -69,17 +69,22 @@ def check_held(
     """
     lengths: dict[str, int] = {}
     optional = {name: held.like for name, held in declared.items() if held.like is not None}
+    unknown = arrays.keys() - new[0].keys() - optional.keys() | counters.keys() - new[1].keys() - declared.keys()
+    for name in sorted(unknown):
+        raise CheckpointError(_wrong(name, "a name that no such run has"))
     for name, like in {**new[0], **optional}.items():
         if name not in arrays and name in optional:
             continue
-        array, held = _found(arrays, name), declared.get(name, Held())
-        shape = like.shape
+        array, held, shape = _found(arrays, name), declared.get(name, Held()), like.shape
         if held.rows and array.ndim:
             shape = (lengths.setdefault(held.rows, len(array)), *shape[1:])
         if shape[1:] == (0,):
             shape = (*shape[:1], *array.shape[1:])
         if array.dtype != like.dtype or array.shape != shape:
             raise CheckpointError(_wrong(name, "another type or shape"))
+    # where all have their shapes, one may tell which rows of another count
+    for name, array in arrays.items():
+        held = declared.get(name, Held())
         own = array[arrays[held.where] > 0] if held.where else array
         if not held.any and array.dtype.kind in "iuf" and not _within(own, held):
             raise CheckpointError(_wrong(name, "values out of range"))
@@ -88,9 +93,6 @@ def check_held(
         count = _found(counters, name)
         if not (new[1].get(name, 0) is count is None) and not _within(count, declared.get(name, Held())):
             raise CheckpointError(_wrong(name, "a value out of range"))
-    unknown = arrays.keys() - new[0].keys() - optional.keys() | counters.keys() - new[1].keys() - declared.keys()
-    for name in sorted(unknown):
-        raise CheckpointError(_wrong(name, "a name that no such run has"))
     if rule is not None and not rule(arrays, counters):
         raise CheckpointError(_wrong("the arrays together", "values that contradict each other"))
 

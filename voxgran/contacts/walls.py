@@ -2,10 +2,12 @@
 
 At flat walls and at the walls of a cylinder or sphere the protrusion follows from the support function, in closed form
 or by a search for the best direction to the last digits; at a closed mesh it is the depth of the grain in the exterior
-of the container. Polygons as grains and as containers are prisms.
+of the container. Polygons as grains and as containers are prisms. Containers that are strained do not become shorter
+than fixed grains are long, and their walls push these inside.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,6 +36,8 @@ from voxgran.shapes.primitive import Primitive
 DIRECTIONS = 128
 #: distance, in sizes of the container, below which rounding could hide an escape
 ROUNDING = 1e-12
+#: halvings by which a place within a round wall is found
+HALVINGS = 50
 
 
 def escape_depths(assembly: Assembly) -> Floats:
@@ -146,6 +150,53 @@ def reach_at(assembly: Assembly, wall: Round) -> Floats:
             turned = linear.matmul(_corners(geometry), assembly.matrices[grain].T) * assembly.scale[grain]
             reach[grain] = wall.reach(turned + away[grain]).max()
     return reach
+
+
+def least_lengths(fixed: Assembly) -> Floats:
+    """Return the lengths (3,) along the axes of the smallest container that encloses each of some fixed grains.
+
+    Periodic sides are as far apart as a grain is long, so that it does not overlap its images, and a round wall
+    encloses it around its axis. No length is above that of the container as it is, in which longer grains may lie along
+    a diagonal.
+    """
+    least = np.zeros(3)
+    if fixed.count:
+        low, high = grain_bounds(fixed)
+        least = (high - low).max(axis=0)
+        for wall in boundary_of(fixed.container).round:
+            centered = replace(fixed, position=_away(fixed, wall, 0.0))
+            least[: wall.axes] = 2.0 * float(reach_at(centered, wall).max())
+    return np.asarray(np.minimum(least, np.ptp(fixed.container.bounds, axis=0)))
+
+
+def pushed_inside(fixed: Assembly) -> Floats:
+    """Return the centroids (n, 3) of fixed grains that the walls of their container have pushed inside, by the shortest
+    way, where they have room.
+    """
+    if not fixed.count:
+        return fixed.position
+    walls, (lower, upper), (low, high) = boundary_of(fixed.container), fixed.container.bounds, grain_bounds(fixed)
+    least, most = lower - low, upper - high
+    has_room = np.array(walls.flat) & (least <= most)
+    inside = np.where(has_room, np.clip(fixed.position, least, most), fixed.position)
+    for wall in walls.round:
+        place = replace(fixed, position=inside)
+        near, far = np.zeros(fixed.count), np.ones(fixed.count)
+        out = reach_at(place, wall) > wall.radius
+        out &= reach_at(replace(fixed, position=_away(place, wall, 0.0)), wall) <= wall.radius
+        for _ in range(HALVINGS if out.any() else 0):
+            middle = 0.5 * (near + far)
+            beyond = reach_at(replace(fixed, position=_away(place, wall, middle[:, None])), wall) > wall.radius
+            near, far = np.where(beyond, near, middle), np.where(beyond, middle, far)
+        inside = np.where(out[:, None], _away(place, wall, near[:, None]), inside)
+    return inside
+
+
+def _away(fixed: Assembly, wall: Round, share: float | Floats) -> Floats:
+    """Return centroids (n, 3) at a share of their distance from the center of a round wall."""
+    center, moved = np.array(wall.center), fixed.position.copy()
+    moved[:, : wall.axes] = (center + share * (fixed.position - center))[:, : wall.axes]
+    return moved
 
 
 def _corners(geometry: object) -> Floats:

@@ -129,21 +129,21 @@ def thin_overlap(
         # a little smaller, so that the solids are separate
         size, away = factor * (1.0 - 1e-9), rotate(stretch, place)
         bodies = (one, margin, size, stretch), (other, other_margin, size, stretch)
-        if search_distance(_reach, bodies[0], bodies[1], away, away, 1e150, FINE, 1, simplex, 0) <= 0.0:
+        if search_distance(_reach, bodies[0], bodies[1], away, away, 1e150, FINE, True, simplex, 0) <= 0.0:
             break
         found = rotate_back(stretch, vector_at(simplex.near, 0))
     least = 1e300
     for k in range(7):
         # others than that of the factor may be nearer where overlaps are deep
-        way = normal if k == 0 else times(row_of(axes, (k - 1) % 3), 1.0 if k < 4 else -1.0)
-        length = math.sqrt(dot(way, way))
+        direction = normal if k == 0 else times(row_of(axes, (k - 1) % 3), 1.0 if k < 4 else -1.0)
+        length = math.sqrt(dot(direction, direction))
         if length == 0.0:
             continue
-        way = times(way, 1.0 / length)
-        depth = _reaches(one, margin, other, other_margin, way) - dot(way, place)
+        direction = times(direction, 1.0 / length)
+        depth = _reaches(one, margin, other, other_margin, direction) - dot(direction, place)
         if depth < least:
             least = depth
-            corner = _corner(one, margin, way)
+            corner = _corner(one, margin, direction)
             for c in range(3):
-                contact[1 + c], contact[4 + c] = way[c], corner[c] - 0.5 * depth * way[c]
+                contact[1 + c], contact[4 + c] = direction[c], corner[c] - 0.5 * depth * direction[c]
     return min(least, max(min(half_extents(one, margin)), min(half_extents(other, other_margin))))

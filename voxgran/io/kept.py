@@ -19,12 +19,6 @@ SHAPE: dict[str, Any] = {
     "record": dict,
     "mass": dict,
 }
-#: the same of what an engine has changed
-RELAXATION: dict[str, Any] = {
-    "engine": str,
-    **dict.fromkeys(("sinking", "largest_displacement", "mean_displacement", "coordination_before"), float),
-    **dict.fromkeys(("coordination_after", "duration"), float),
-}
 #: the same of what programs look for in a provenance, of which all else is only shown
 PROVENANCE: dict[str, Any] = {
     **dict.fromkeys(("assumed", "compression", "settling", "tiled"), dict),

@@ -37,7 +37,7 @@ from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.model import Container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
-from voxgran.io.kept import PROVENANCE, RELAXATION, SHAPE, kept_container, kept_sizes
+from voxgran.io.kept import PROVENANCE, SHAPE, kept_container, kept_sizes
 from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, rows_of
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
@@ -215,7 +215,7 @@ def _relaxation(record: Record) -> Relaxation | None:
     told = values_of_json(record.texts.get("relaxation", "null"))
     if told is None:
         return None
-    check_types(told, RELAXATION, "relaxation")
+    check_types(told, {field.name: field.type for field in dataclasses.fields(Relaxation)}, "relaxation")
     return Relaxation(**told)
 
 

@@ -29,16 +29,16 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arithmetic import libm, linear
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, VoxgranError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.manifolds.rows import SURFACE
+from voxgran.contacts.walls import least_lengths, pushed_inside
 from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import deformed
 from voxgran.settling.bed import Bed
-from voxgran.settling.enclosing import least_lengths, pushed_inside, standing_in
 from voxgran.settling.material import Material
 from voxgran.settling.materials import USUAL_FRICTION, Materials, friction_of, friction_range
 from voxgran.settling.parameters import Compression
@@ -181,7 +181,7 @@ class Compressor(Resumable):
             self.progress.stage = PRESSING
         self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
         self._fixed = np.flatnonzero(~self.bed.movable)
-        self._least = least_lengths(standing_in(self.bed, self._fixed))
+        self._least = least_lengths(_fixed_in(self.bed, self._fixed))
         if not assembly.count:
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
 
@@ -335,7 +335,7 @@ class Compressor(Resumable):
             )
         self.progress.gradient = total
         bed.deform(gradient, container)
-        pushed = pushed_inside(standing_in(bed, self._fixed))
+        pushed = pushed_inside(_fixed_in(bed, self._fixed))
         bed.grains.way[self._fixed] += linear.norm(pushed - bed.grains.position[self._fixed], axis=1)
         bed.grains.position[self._fixed] = pushed
 
@@ -439,3 +439,12 @@ def _with_walls(friction: float | Materials | None, assembly: Assembly) -> float
 
 
 _STEPS = {START: Compressor._begin, PRESSING: Compressor._press, CLOSING: Compressor._close}
+
+
+def _fixed_in(bed: Bed, fixed: Integers) -> Assembly:
+    """Return the fixed grains (k,) of a bed, where they are now."""
+    assembly, rows = bed.assembly, bed.order[fixed]
+    return Assembly(
+        assembly.shapes, assembly.shape_id[rows], assembly.scale[rows], bed.grains.position[fixed],
+        assembly.orientation[rows], assembly.container,
+    )  # fmt: skip

@@ -282,7 +282,7 @@ def test_walls_push_fixed_grains_inside(container, insert, place, seed):
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
-    "insert", [vg.shapes.sphere(diameter=3), vg.shapes.box(lengths=(2, 1, 3))], ids=["ball", "box"]
+    "insert", [vg.shapes.sphere(diameter=3), vg.shapes.box(lengths=(2, 1, 3))], ids=["sphere", "box"]
 )
 @pytest.mark.parametrize("periodic", ["xyz", "z", ""])
 def test_a_container_stays_around_a_fixed_grain_that_is_larger_than_few_grains_need(insert, periodic, seed):

@@ -134,7 +134,7 @@ def prepare(problem: Problem) -> SettleState:
     rain = rain_of(started, -gravity)
 
     def beginning(count: int) -> Callable[[Settling], Settler]:
-        """Return what begins to settle so many grains, those of the start among them."""
+        """Return what begins to settle the first grains, with those of the start before the others."""
         assembly, small = _start(started, count) if rain is None else _unplaced(started, count)
         held = 0 if rain is None else assembly.count - started.started
         assembly, small = _beside_fixed(problem, assembly, small)

@@ -79,7 +79,7 @@ def places_of(problem: Problem, lattice: ContainerLattice) -> Integers:
 
 
 def declared_sites(places: Integers, oriented: OrientedVoxels) -> Declared:
-    """Return what a checkpoint may hold of the sites and members of grains, on a lattice of so many places."""
+    """Return what a checkpoint may hold of sites and members of grains, on a lattice of these places along its axes."""
     return {"site": Held(-places, 2 * places), "member": Held(-1, len(oriented.kind) - 1)}
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import PackingWarning, warn
 from voxgran._base.seeds import stream
+from voxgran.contacts.walls import least_lengths, pushed_inside
 from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.seeds import points_inside
@@ -26,7 +27,6 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import followed
 from voxgran.packing.start import Start
-from voxgran.settling.enclosing import least_lengths, pushed_inside
 from voxgran.settling.parameters import Compression
 
 #: solid fraction in which grains begin, by dimension
