@@ -503,13 +503,15 @@ def test_grains_at_one_place_are_refused_and_shallow_overlaps_parted():
 
 
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
-@pytest.mark.parametrize("periodic", ["xyz", ""])
 @pytest.mark.parametrize(("family", "friction"), [("ellipsoid", 0.0), ("cylinder", 0.1)])
-def test_grains_that_creep_or_stay_deep_in_each_other_come_to_rest(family, friction, periodic):
-    shape = vg.make_shape(family)
-    cell = vg.Box(((70 * np.pi / 6 / 0.2) ** (1 / 3),) * 3, periodic=periodic)
-    loose = loose_grains(shape.scaled(1 / shape.diameter), cell, 70)
-    specimen = vg.compress(loose, friction=friction, shear="held" if periodic else None)
-    assert vg.verify(specimen).ok
-    # some starts of cylinders end with 0.97 of the grains in balance; before, next to none was
-    assert vg.equilibrium(specimen, friction, stress=1.0).attrs["share_at_rest_without_rattlers"] >= 0.85
+def test_grains_that_creep_or_stay_deep_in_each_other_come_to_rest(family, friction):
+    """Of 32 starts 31 were compressed, so that 3 of 4 fail once in 8,000 times; without further steps none was."""
+    shape, balanced = vg.make_shape(family), 0
+    for periodic, seed in (("xyz", 1), ("xyz", 2), ("", 1), ("", 2)):
+        cell = vg.Box(((70 * np.pi / 6 / 0.2) ** (1 / 3),) * 3, periodic=periodic)
+        loose = loose_grains(shape.scaled(1 / shape.diameter), cell, 70, seed)
+        specimen = vg.compress(loose, friction=friction, shear="held" if periodic else None)
+        assert vg.verify(specimen).ok
+        share = vg.equilibrium(specimen, friction, stress=1.0).attrs["share_at_rest_without_rattlers"]
+        balanced += specimen.stop_reason == "compressed" and share >= 0.98
+    assert balanced >= 2
